@@ -16,7 +16,6 @@ from agent.chance import Draw
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
-from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
 from agent.view import FogView, View
 from patrol.exchange import Sensed
@@ -72,7 +71,6 @@ class Mind:
         self._obstacles = obstacles
         self._last: Command = halted(facts.spec.model)
         self.blocked = blocked
-        self._visits = Visits(facts.zones, ground, facts.spec.radius, facts.step)
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -106,8 +104,7 @@ class Mind:
             raise PolicyFailed(f"raised {failure_of(error)}") from error
         choice = self.body.obey(intent, view)
         goal = choice.goal
-        command = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))
-        self._last = command if self._visits.allow(sensed.pose, command) else halted(self.spec.model)
+        self._last = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))
         return Decision(
             command=self._last,
             state=choice.state,
@@ -135,7 +132,6 @@ class Mind:
         )
         if self.blocked is not None:
             self._leave_out_blocked(self.blocked, pose)
-        self._visits.note(pose.x, pose.y)
         return View(
             tick=k,
             time_s=k * facts.step,

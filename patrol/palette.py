@@ -27,7 +27,6 @@ UNCOUNTED = "#c9ccd1"
 
 MARKS: Mapping[str, str] = {
     "keepout": "#c1121f",
-    "oneway": "#0b5cad",
     "slow": "#00796b",
     "weight": "#6a1b9a",
     "closure": "#e07b00",

@@ -31,7 +31,7 @@ from patrol.scenario.sections import VERTICES
 from patrol.tours.round import Round
 from patrol.zones.checks import check_zones_on_ground
 from patrol.zones.division import ZonedGround
-from patrol.zones.ground import steps_against, with_zones
+from patrol.zones.ground import with_zones
 
 if TYPE_CHECKING:
     from patrol.graph import Graph
@@ -144,7 +144,7 @@ class Prepared:
         x, y = facts["origin"]
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
         terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out)
-        terrain = replace(terrain, against=steps_against(scenario.zones, terrain)).with_grids(free, blocked)
+        terrain = terrain.with_grids(free, blocked)
         bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
         rounds = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
         return Prepared(

@@ -20,7 +20,6 @@ from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import ground_with_ways_back
 from patrol.kernels.clearance import nearest
 from patrol.maps.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.pose import TAU, Pose, wrap
@@ -198,8 +197,7 @@ def _check_area(terrain: Terrain, roster: Sequence[RobotSpec], part: BoolGrid) -
 def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
     """Return the part of a body's C-space that random starts are drawn from, bool (h, w).
 
-    It is the part at `first`, where the body has one there. BadInput if the body fits nowhere, or if one-way zones
-    leave no way back from some of that part.
+    It is the part at `first`, where the body has one there. BadInput if the body fits nowhere.
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
@@ -208,7 +206,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     start_point = None if first is None else anchor(terrain, cspace, first.x, first.y)
     part = preferred_part(terrain, labels, count, radius) if start_point is None else int(labels[start_point])
     mask: BoolGrid = labels == part
-    return ground_with_ways_back(terrain, mask, radius) if terrain.against.size else mask
+    return mask
 
 
 def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:

@@ -323,15 +323,9 @@ class Manoeuvres:
             self._plan.extend([move.command] * move.ticks)
 
     def _find_closed_points(self, view: View) -> NDArray[np.uint8]:
-        """The points that are closed at this tick or lie behind in a one-way zone.
-
-        Of size 0 where there are none or the body is on one of them.
-        """
+        """The points that are closed at this tick; of size 0 where there are none or the body is on one of them."""
         ground, here = view.ground, self._terrain.point_at(view.pose.x, view.pose.y)
-        closed = ground.behind
-        if ground.static is not ground:
-            shut = ground.static.open_now & ~ground.open_now
-            closed = shut if closed is None else closed | shut
+        closed = None if ground.static is ground else ground.static.open_now & ~ground.open_now
         # A body on a closed point must be able to leave it.
         if closed is None or (self._terrain.inside(*here) and closed[here]):
             return np.zeros((0, 0), dtype=np.uint8)
@@ -341,4 +335,4 @@ class Manoeuvres:
 def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
     """Find the paths of at most `within` m to a point of the terrain."""
     limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
-    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit, back=True)
+    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit)

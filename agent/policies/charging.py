@@ -156,7 +156,7 @@ class Charging:
         routes = Routes(Ground(terrain, setup.ground.fields.reach))
         self._docks: list[_Dock] = []
         for dock_spec in setup.fleet.docks:
-            ways = routes.lengths(dock_spec.place, back=True).astype(np.float32)
+            ways = routes.lengths(dock_spec.place).astype(np.float32)
             if np.isfinite(ways).any():
                 point = terrain.point_at(*dock_spec.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.track import JUMP, follow
-from agent.routes.routes import Routes
 
 if TYPE_CHECKING:
     from agent.routes.ground import Spot
@@ -202,9 +201,8 @@ class Spacing:
         """Spread all robots over the tour, and return the place of this one.
 
         Of some positions of equally spaced places that one is taken in which the robot with the longest way, as the
-        crow flies, has the shortest; pairs that are nearest to each other go first. On ground with one-way zones the
-        lengths of ways count instead. A robot that hears no other takes the place that its number has among those of
-        all robots, and is where the others leave a gap.
+        crow flies, has the shortest; pairs that are nearest to each other go first. A robot that hears no other takes
+        the place that its number has among those of all robots, and is where the others leave a gap.
         """
         reports = self.heard
         numbers = sorted(reports)
@@ -216,7 +214,7 @@ class Spacing:
         choices = [[int((slot + shift) * self.count / team) % self.count for slot in range(team)] for shift in shifts]
         if team == 1 and self.whole > 1:
             choices = [[sorted(self.followers).index(self.number) % self.whole * self.count // self.whole]]
-        to_all = self._measure_ways(view, here)
+        to_all: NDArray[np.float64] = np.sqrt(((here[:, None, :] - self.tour[None, :, :2]) ** 2).sum(axis=2))
         for slots in choices:
             ways = to_all[:, slots]
             pairs = _pair_rows(ways)
@@ -228,16 +226,6 @@ class Spacing:
         for number in numbers:
             self._enter_robot(number, reports[number].spot, view.tick, chosen[number])
         return chosen[self.number]
-
-    def _measure_ways(self, view: View, spots: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the lengths of the ways from some spots to all places, m: `begin`."""
-        ways: NDArray[np.float64] = np.sqrt(((spots[:, None, :] - self.tour[None, :, :2]) ** 2).sum(axis=2))
-        ground = view.ground.static
-        if not ground.against.size:
-            return ways
-        rows, cols = np.transpose([view.point_of((x, y)) for x, y in self.tour[:, :2].tolist()])
-        along = np.array([Routes(ground).lengths((x, y))[rows, cols] for x, y in spots.tolist()])
-        return np.where(np.isfinite(along), along, ways)
 
     def note(self, view: View) -> None:
         """Follow the robots to where they were heard."""

@@ -270,7 +270,7 @@ class Surround:
             ground = self._ring.ground if self._ring is not None else Ground(self._terrain, self._reach)
             stands = spread(spots_around(self._sight, self._reach, *intruder, self._radius), count, self._spacing)
             box = 0, self._terrain.height, 0, self._terrain.width
-            lengths = [paths_in(ground, [(s.row, s.col)], box, LONGEST, back=True).length for s in stands]
+            lengths = [paths_in(ground, [(s.row, s.col)], box, LONGEST).length for s in stands]
             self._ring = _Ring(intruder, count, ground, stands, lengths)
         return self._ring
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agent.kernels.ground import close_discs, open_elements
 from agent.kernels.wave import encode
 from patrol.ground.fields import anchor
-from patrol.ground.terrain import ALL_WAYS, BoolGrid, Terrain
+from patrol.ground.terrain import BoolGrid, Terrain
 
 Spot = tuple[float, float]
 """x and y in m."""
@@ -103,9 +103,8 @@ class _Grids:
 class _Shared:
     """The grids of all grounds over each other: some with nothing closed, and some to close on, made on first use."""
 
-    def __init__(self, terrain: Terrain, reach: BoolGrid, against: NDArray[np.uint8]) -> None:
+    def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
         self._terrain, self._reach = terrain, reach
-        self.against = against  # as of `Ground`, for a robot that no one-way zone has shut in
         self._plain = _Grids(terrain, reach)
         self._spare: _Grids | None = None
         self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
@@ -128,21 +127,12 @@ class Ground:
 
     Grounds that were made by `over` share their grids, so what `state` and `open_now` return holds until another of
     them is looked at.
-
-    `against`, uint8 (h, w), holds the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
-    it is `ALL_WAYS` where ways may lead in all directions. `behind`, bool (h, w), holds the points of one-way zones
-    that lie behind the robot, on which manoeuvres keep off; it is None for none.
     """
 
-    def __init__(self, terrain: Terrain, reach: BoolGrid, *, one_way: bool = True) -> None:
-        """Start with nothing closed; `reach`, bool (h, w), holds the points on which the robot's centre may be.
-
-        Without `one_way` the terrain's one-way zones do not count.
-        """
-        self.against = terrain.against if one_way else ALL_WAYS
-        self.behind: BoolGrid | None = None
+    def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
+        """Start with nothing closed; `reach`, bool (h, w), holds the points on which the robot's centre may be."""
         self.terrain = terrain
-        self._shared = _Shared(terrain, reach, self.against)
+        self._shared = _Shared(terrain, reach)
         self._below = self._closed = NOTHING
         self._joined: tuple[float, float, tuple[int, int] | None] | None = None
 
@@ -155,7 +145,6 @@ class Ground:
     def _with(self, closed: Closed) -> Ground:
         """Return a ground over the same points on which something is always closed."""
         ground = copy.copy(self)
-        ground.against, ground.behind = self._shared.against, None
         ground._below = ground._closed = closed
         ground._joined = None
         return ground

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from agent.routes.ground import Ground, Spot
 from agent.routes.path_window import DIAGONAL, FAR, Place
 from agent.routes.wave import LONGEST, BoxPaths, box_between, paths_in
-from patrol.ground.ways import first_bend
 
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""
@@ -50,18 +49,17 @@ class Routes:
     """Shortest ways over one robot's ground, computed on demand.
 
     A way runs from point to neighbouring point (8 neighbours; a straight step counts 1, a diagonal one 1.41 points) and
-    cuts no corner (paper, "The wave"). No way leads against a one-way zone (`patrol.ground.ways`).
+    cuts no corner (paper, "The wave").
     """
 
     def __init__(self, ground: Ground) -> None:
         """Compute nothing yet."""
         self._ground = ground
 
-    def lengths(self, place: Spot, within: float | None = None, *, back: bool = False) -> NDArray[np.float64]:
+    def lengths(self, place: Spot, within: float | None = None) -> NDArray[np.float64]:
         """Return the lengths of the ways from a place (x, y) to all points, float64 (h, w) in m.
 
-        They are infinite where no way leads, or only one longer than `within` (m; None for no limit). With `back` they
-        are those of the ways from all points to the place, which differ where there are one-way zones. A place that is
+        They are infinite where no way leads, or only one longer than `within` (m; None for no limit). A place that is
         closed at this tick starts from the ground with nothing closed, since robots do stand there.
         """
         terrain = self._ground.terrain
@@ -77,7 +75,7 @@ class Routes:
             return far
         limit = LONGEST if within is None else round(min(LONGEST, 100.0 * within / terrain.point))
         box = 0, terrain.height, 0, terrain.width
-        lengths = paths_in(ground, [(start[0] - 1, start[1] - 1)], box, limit, back=back).length[1:-1, 1:-1]
+        lengths = paths_in(ground, [(start[0] - 1, start[1] - 1)], box, limit).length[1:-1, 1:-1]
         np.copyto(far, lengths * (terrain.point / 100.0), where=lengths < FAR)
         return far
 
@@ -116,34 +114,17 @@ class Routes:
         while True:
             reach = min(limit, reach if reach < long else LONGEST)
             box = box_between(here, goal, reach // 100 + 1, shape)
-            if ground.against.size:
-                paths = paths_in(ground, [goal], box, reach, back=True)
-                if paths.length_to(*here) < FAR:
-                    return self._way_down(paths, here, goal)
-            else:
-                paths = paths_in(ground, [here], box, reach, bends=True, goal=goal)
-                if paths.length_to(*goal) < FAR:
-                    return self._way_in(paths, *goal)
+            paths = paths_in(ground, [here], box, reach, bends=True, goal=goal)
+            if paths.length_to(*goal) < FAR:
+                return self._way_in(paths, *goal)
             if reach == limit:
                 return None
             reach += reach // 2
 
-    def _way_down(self, paths: BoxPaths, here: Place, there: Place) -> Way:
-        """Return the way between two points of the terrain, down the lengths of paths to the second one."""
-        ground = self._ground
-        top, left = paths.row0 + 1, paths.col0 + 1
-        rows, cols = paths.length.shape[0] - 2, paths.length.shape[1] - 2
-        box = slice(top, top + rows), slice(left, left + cols)
-        first, last = (here[0] - top, here[1] - left), (there[0] - top, there[1] - left)
-        bend = first_bend(ground.open_now[box], ground.against[box], paths.length, first, last)
-        centre, length = ground.terrain.centre, paths.length_to(*here)
-        return Way(centre(*there), centre(bend[0] + top, bend[1] + left), length * ground.terrain.point / 100.0)
-
     def _is_straight(self, start: Element, target: Element) -> bool:
         """Return True if nothing is closed between two elements, and the one is in sight of the other.
 
-        Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long. A
-        one-way zone in between may be closed, too.
+        Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long.
         Where much lies between them, something is closed nearly always, and is not looked for.
         """
         (row, col), (to_row, to_col) = start, target
@@ -152,8 +133,6 @@ class Routes:
         if (abs(to_row - row) + 1) * (abs(to_col - col) + 1) > STRAIGHT_OVER:
             return False
         rows, cols = slice(min(row, to_row), max(row, to_row) + 1), slice(min(col, to_col), max(col, to_col) + 1)
-        if self._ground.against.size and self._ground.against[rows, cols].any():
-            return False
         return bool(self._ground.state[rows, cols].all())
 
     def _way_in(self, paths: BoxPaths, row: int, col: int) -> Way:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, framed_box, settle, settle_box
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
-from patrol.ground.ways import lengths_along
 from patrol.kernels.footprint import cast
 from patrol.scenario.policies import Ties
 
@@ -79,26 +78,18 @@ def paths_in(
     limit: int,
     *,
     bends: bool = False,
-    back: bool = False,
     goal: Place | None = None,
 ) -> BoxPaths:
     """Find the paths from the nearest of several starts, over a box of the ground.
 
     Starts are open points (row, col) of the terrain; those outside of the box do not count. `limit` is in hundredths of
-    a point, at most `LONGEST`. Paths that leave the box are not known, and on ground with one-way zones no path leads
-    against them. `bends` takes a single start; on ground with one-way zones it finds none, and
-    `agent.routes.routes.Routes.way` does. With `back` the paths lead to the nearest start instead. With a goal, an open
-    point within the box, only the path to it is sure to be found; ground with one-way zones takes no goal.
+    a point, at most `LONGEST`. Paths that leave the box are not known. `bends` takes a single start. With a goal,
+    an open point within the box, only the path to it is sure to be found.
     """
     top, bottom, left, right = box
     rows, cols = bottom - top + 2, right - left + 2
     if rows * cols > MOST_POINTS:
         raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
-    if ground.against.size:
-        is_open, against = ground.open_now[top:bottom, left:right], ground.against[top:bottom, left:right]
-        places = [(row - top, col - left) for row, col in starts if top <= row < bottom and left <= col < right]
-        along = lengths_along(is_open, against, places, limit, back=back)
-        return BoxPaths(along, NO_BENDS, top - 1, left - 1, limit)
     state, sight = framed_box(ground.state, top, bottom, left, right), NO_SIGHT
     begins = np.array(starts, dtype=np.int64).reshape(-1, 2) - (top - 1, left - 1)
     if bends:

@@ -101,7 +101,7 @@ class WayBack:
             return None
         if self._loose is None:
             loose = cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point))
-            self._loose = Ground(terrain, loose, one_way=False)
+            self._loose = Ground(terrain, loose)
         top, bottom, left, right = box = box_around((row, col), math.ceil(REACH / terrain.point), terrain.shape)
         inner = static.state[top + 1 : bottom + 1, left + 1 : right + 1]
         rows, cols = np.nonzero((inner & STATUS != 0) & (inner & HEMMED != 0))

@@ -115,7 +115,7 @@ def _sealed_parts(rooms: Rooms, fields: StaticFields, radius: float) -> list[tup
         elif rooms.reached[number] or not rooms.is_root[number]:
             continue
         points = rooms.points_of(rooms.leaves[side])
-        why = why_out_of_reach(rooms.terrain, points, joined, fields.cspace, radius)
+        why = why_out_of_reach(points, joined, fields.cspace, radius)
         part = _describe_part(rooms.terrain, fields, points, why, door)
         if part.standable or part.seen < part.area:
             parts.append((part, rooms.leaves[side]))

@@ -54,12 +54,6 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             closed = np.count_nonzero(points & before.fields.reach) * area
             yield f"  {zone.name}: keep-out, {closed:.1f} m² of reachable ground"
             continue
-        if zone.one_way is not None:
-            directed = np.count_nonzero(points & after.fields.reach) * area
-            niches = np.count_nonzero(points & after.fields.cspace & ~after.fields.reach) * area
-            left_out = f"; {niches:.1f} m² in niches left out, as no way leads there and back" if niches else ""
-            yield f"  {zone.label}: one way at {zone.one_way} degrees, {directed:.1f} m² of reachable ground{left_out}"
-            continue
         times = f"; in force {zone.when}" if zone.times else ""
         if zone.times == ():
             times = "; in force only once it is switched on"

@@ -38,7 +38,6 @@ MOST_DOORS = 25
 """Doors drawn at most: first those too narrow for the body, then the narrowest of the others."""
 KINDS = {
     "keepout": "keep-out",
-    "oneway": "one-way zone",
     "slow": "slow zone",
     "weight": "zone with a weight or an age",
     "closure": "closure",

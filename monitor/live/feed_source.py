@@ -14,7 +14,6 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +47,6 @@ from patrol.scenario.controls import (
     worded,
 )
 from patrol.scenario.marks import looks_at
-from patrol.zones.ground import steps_against
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -103,8 +101,7 @@ class FeedSource:
         self._given = self._scenario = scenario
         self._planned = len(self._scenario.faults)
         facts = header.terrain
-        terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
-        self._terrain = replace(terrain, against=steps_against(scenario.zones, terrain))
+        self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
         self._closings = Closings(scenario.closures, self._terrain)
         self._step = self._scenario.step

@@ -39,7 +39,7 @@ class ChangingTerrain(Terrain):
 
     def __init__(self, base: Terrain) -> None:
         """Begin with nothing closed."""
-        super().__init__(base.name, base.passable, base.point, base.origin, base.keep_out, base.source, base.against)
+        super().__init__(base.name, base.passable, base.point, base.origin, base.keep_out, base.source)
         vars(self)["base"] = base
 
     def close(self, closed: BoolGrid) -> None:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, IntGrid, cspace_of, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
-from patrol.ground.ways import ground_with_ways_back
 from patrol.pose import Pose
 
 GRIDS = ("cspace", "reach", "patrolled", "proxy")
@@ -113,15 +112,6 @@ def compute_fields(
             )
         start_labels.append(int(labels[cell]))
     reach = np.isin(labels, sorted(set(start_labels))) & cspace
-    if terrain.against.size:
-        parts = [ground_with_ways_back(terrain, labels == label, radius) for label in sorted(set(start_labels))]
-        reach = np.logical_or.reduce(parts)
-        for start in starts:
-            if not reach[anchor(terrain, cspace, start.x, start.y) or (0, 0)]:
-                raise BadInput(
-                    f"robots.starts: one-way zones leave no way back to ({start.x:g}, {start.y:g}), or none from "
-                    "there; start elsewhere"
-                )
     reach = frozen_grid(reach)
     proxy = proxies_of(terrain, reach, sensor_range, line_of_sight)
     proxy.flags.writeable = False

@@ -75,7 +75,7 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
         largest_m2=round(float(areas_m2.max()), 6),
         x=round(x, 6),
         y=round(y, 6),
-        why=why_out_of_reach(terrain, largest, joined_ground(terrain, narrowest.reach), narrowest.cspace, radius),
+        why=why_out_of_reach(largest, joined_ground(terrain, narrowest.reach), narrowest.cspace, radius),
         small_parts=int(np.count_nonzero(small)),
     )
 
@@ -90,12 +90,10 @@ def joined_ground(terrain: Terrain, reach: BoolGrid) -> BoolGrid:
     return np.isin(labels, np.unique(labels[reach]))
 
 
-def why_out_of_reach(terrain: Terrain, part: BoolGrid, joined: BoolGrid, cspace: BoolGrid, radius: float) -> str:
+def why_out_of_reach(part: BoolGrid, joined: BoolGrid, cspace: BoolGrid, radius: float) -> str:
     """Return the reason why a body does not get into a part of the free ground."""
     if not (part & joined).any():
         return "walled off, without an opening"
     if not (part & cspace).any():
         return f"too narrow for a body of radius {radius:g} m"
-    if terrain.against.size:
-        return f"behind an opening too narrow for a radius of {radius:g} m, or one-way zones leave no way back"
     return f"behind an opening that is too narrow for a body of radius {radius:g} m"

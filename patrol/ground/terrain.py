@@ -18,11 +18,6 @@ from numpy.typing import NDArray
 __all__ = ["BoolGrid", "Terrain"]
 
 BoolGrid = NDArray[np.bool_]
-Steps = NDArray[np.uint8]
-"""For each point the steps that lead against one-way zones: bit w of step w (`patrol.ground.ways`)."""
-
-ALL_WAYS: Steps = np.zeros((0, 0), dtype=np.uint8)
-"""In place of such steps, where ways may lead in all directions."""
 
 MAX_POINTS = 50_000_000
 """The largest terrain: 700 x 700 m of 0.1 m points. Flat indices are int32 and every robot keeps several grids."""
@@ -54,12 +49,6 @@ class Terrain:
     # (height, width), read-only; True where bodies may not go although a sensor sees across; all False when omitted
     keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     source: Path | None = None  # the YAML file of the map that it was read from, for errors; None for any other terrain
-    # (height, width), the steps from each point that lead against a one-way zone (`patrol.ground.ways`); `ALL_WAYS`
-    # on ground without one
-    against: Steps = field(default_factory=lambda: ALL_WAYS)
-    # by the radius of a body and the first point of a part of its C-space, the points of that part from which ways lead
-    # back, once they were needed (`patrol.ground.ways.ground_with_ways_back`)
-    with_ways_back: dict[tuple[float, int], BoolGrid] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         passable = frozen_grid(self.passable)

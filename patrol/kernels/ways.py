@@ -1,8 +1,7 @@
 """Kernels of ways: their lengths, and their corners.
 
 A way is a row of steps to the eight neighbours. Step w leads in the direction of w times 45 degrees. It costs 100 where
-it is straight and 141 where it is diagonal, and a diagonal step needs both points beside it. No step leads against a
-one-way zone.
+it is straight and 141 where it is diagonal, and a diagonal step needs both points beside it.
 """
 
 from __future__ import annotations
@@ -25,17 +24,15 @@ FAR = 2**31 - 1
 """The length at a point that no way leads to."""
 
 
-@njit(USED(GRID, GRID, PLACES, types.boolean, int64, int64, LENGTHS, QUEUES), cache=True, nogil=True)
-def wave(is_open, against, starts, back, stop, limit, length, queues):
-    """Find the lengths of the shortest ways from the nearest of several points, or to it.
+@njit(USED(GRID, PLACES, int64, int64, LENGTHS, QUEUES), cache=True, nogil=True)
+def wave(is_open, starts, stop, limit, length, queues):
+    """Find the lengths of the shortest ways from the nearest of several points.
 
     Two first-in first-out queues, one per step cost, each stay sorted by length (see the wave of the robots' planning).
 
     Args:
         is_open: uint8 (h, w), non-zero where a body's centre may be; its outermost points are 0.
-        against: uint8 (h, w), bit w is set where step w leads against a zone; of size 0 where there is none.
         starts: int64 (n,), flat indices of open points, all different.
-        back: Find the ways to the starts instead of those from them.
         stop: Flat index of a point whose length ends the search, or -1: points that are farther may have none then.
         limit: The longest way, in hundredths of a point.
         length: int32 (h, w), FAR everywhere; changed in place to the lengths in hundredths of a point.
@@ -45,11 +42,10 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
     Returns:
         The number of steps in each queue, which `forget` needs.
     """
-    ground, steps, lengths = is_open.ravel(), against.ravel(), length.ravel()
+    ground, lengths = is_open.ravel(), length.ravel()
     straight, diagonal = queues[0], queues[1]
     stride = is_open.shape[1]
     step = (1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, -stride + 1)
-    directed = steps.size > 0
     straight_head, straight_tail, diagonal_head, diagonal_tail = 0, starts.size, 0, 0
     for number in range(starts.size):
         lengths[starts[number]] = 0
@@ -76,8 +72,6 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
             if ground[index(ahead)] == 0 or away >= lengths[index(ahead)] or away > limit:
                 continue
             if way & 1 and (ground[index(here + step[way - 1])] == 0 or ground[index(here + step[(way + 1) & 7])] == 0):
-                continue
-            if directed and (steps[ahead] >> ((way + 4) & 7) if back else steps[here] >> way) & 1:
                 continue
             lengths[index(ahead)] = away
             if way & 1:
@@ -107,7 +101,7 @@ def forget(length, queues, used):
 
 @njit(int64(GRID, PLACES, int64, LENGTHS), cache=True, nogil=True)
 def lengths_between(is_open, places, limit, lengths):
-    """Find the lengths of the ways between places, as if there were no one-way zones.
+    """Find the lengths of the ways between places.
 
     For example, 282 between two places that are two diagonal steps apart.
 
@@ -122,11 +116,10 @@ def lengths_between(is_open, places, limit, lengths):
     Returns:
         The number of ordered pairs of places without a way.
     """
-    against = np.empty((0, 0), dtype=np.uint8)
     length = np.full(is_open.shape, FAR, dtype=np.int32)
     queues = np.empty((2, is_open.size, 2), dtype=np.int32)
     for first in range(places.size):
-        used = wave(is_open, against, places[first : first + 1], False, -1, limit, length, queues)
+        used = wave(is_open, places[first : first + 1], -1, limit, length, queues)
         for second in range(places.size):
             lengths[first, second] = length.ravel()[places[second]]
         forget(length, queues, used)
@@ -145,39 +138,28 @@ def lengths_between(is_open, places, limit, lengths):
     return missing
 
 
-@njit(types.boolean(GRID, GRID, int64, int64), cache=True, nogil=True)
-def is_clear(is_open, against, first, last):
-    """Return True if the straight line between two points' centres crosses open points only, and against no zone.
+@njit(types.boolean(GRID, int64, int64), cache=True, nogil=True)
+def is_clear(is_open, first, last):
+    """Return True if the straight line between two points' centres crosses open points only.
 
-    A line through the corner of four points needs all four of them. A line between the directions of two steps leads
-    against a zone where one of the two does.
+    A line through the corner of four points needs all four of them.
 
     Args:
         is_open: uint8 (h, w), non-zero where a body's centre may be.
-        against: As for `wave`.
         first: Flat index of a point.
         last: Flat index of another one.
     """
-    ground, steps = is_open.ravel(), against.ravel()
+    ground = is_open.ravel()
     stride = is_open.shape[1]
     row, col = first // stride, first % stride
     up, across = last // stride - row, last % stride - col
     step_row, step_col = (stride if up > 0 else -stride), (1 if across > 0 else -1)
-    step_bits = 0
-    if steps.size:
-        along_row, along_col = (2 if up > 0 else 6), (4 if across < 0 else 0 if up > 0 else 8)
-        if up != 0 and across != 0:
-            step_bits |= 1 << (along_row + along_col) // 2
-        if abs(across) > abs(up):
-            step_bits |= 1 << along_col % 8
-        if abs(up) > abs(across):
-            step_bits |= 1 << along_row
     up, across = abs(up), abs(across)
     here = first
     # How far the line has come across borders of rows and of columns; both are over 2 * up * across.
     next_row, next_col = across, up
     while here != last:
-        if ground[index(here)] == 0 or (step_bits and steps[index(here)] & step_bits):
+        if ground[index(here)] == 0:
             return False
         if up == 0 or (across != 0 and next_col < next_row):
             here += step_col
@@ -194,13 +176,12 @@ def is_clear(is_open, against, first, last):
     return ground[last] != 0
 
 
-@njit(int64(GRID, GRID, int64, int64, KNOWN_LENGTHS, WAY), cache=True, nogil=True)
-def corners(is_open, against, first, last, length, way):
+@njit(int64(GRID, int64, int64, KNOWN_LENGTHS, WAY), cache=True, nogil=True)
+def corners(is_open, first, last, length, way):
     """Follow a way down the lengths, pulled taut: a corner wherever the one before goes out of sight.
 
     Args:
         is_open: As for `wave`.
-        against: As for `wave`.
         first: Flat index of a point from which a way leads to the last one.
         last: Flat index of a point.
         length: int32 (h, w), lengths of the ways to the last point, as `wave` finds them.
@@ -210,11 +191,11 @@ def corners(is_open, against, first, last, length, way):
     Returns:
         The number of corners.
     """
-    ground, steps, lengths = is_open.ravel(), against.ravel(), length.ravel()
+    ground, lengths = is_open.ravel(), length.ravel()
     stride = is_open.shape[1]
     step = (1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, -stride + 1)
     # The order decides between equally long ways, so traces depend on it.
-    order = (0, 1, 2, 3, 4, 5, 6, 7) if steps.size else (0, 2, 4, 6, 1, 3, 5, 7)
+    order = (0, 2, 4, 6, 1, 3, 5, 7)
     way[0] = first
     count, here, before = 1, first, first
     while here != last and count < way.size:
@@ -225,11 +206,9 @@ def corners(is_open, against, first, last, length, way):
                 continue
             if turn & 1 and (ground[here + step[turn - 1]] == 0 or ground[here + step[(turn + 1) & 7]] == 0):
                 continue
-            if steps.size and steps[here] >> turn & 1:
-                continue
             before, here = here, ahead
             break
-        if not is_clear(is_open, against, way[count - 1], here):
+        if not is_clear(is_open, way[count - 1], here):
             way[count] = before
             count += 1
     if count < way.size and first != last:
@@ -238,29 +217,28 @@ def corners(is_open, against, first, last, length, way):
     return count
 
 
-@njit(int64(GRID, GRID, int64, int64, LENGTHS, QUEUES, WAY), cache=True, nogil=True)
-def way_between(is_open, against, first, last, length, queues, way):
+@njit(int64(GRID, int64, int64, LENGTHS, QUEUES, WAY), cache=True, nogil=True)
+def way_between(is_open, first, last, length, queues, way):
     """Find a short way between two points: the straight line, else the shortest way pulled taut.
 
     Args:
         is_open: As for `wave`.
-        against: As for `wave`.
         first: Flat index of an open point.
         last: Flat index of an open point.
         length: int32 (h, w), FAR everywhere, before and after.
         queues: As for `wave`.
         way: int32 (h * w,), overwritten with the flat indices of the way's corners, with both ends. Straight lines
-            between them are open and lead against no zone.
+            between them are open.
 
     Returns:
         The number of corners; 0 where no way leads from the first point to the last.
     """
     way[0], way[1] = first, last
-    if is_clear(is_open, against, first, last):
+    if is_clear(is_open, first, last):
         return 2
-    used = wave(is_open, against, np.array([last]), True, first, FAR, length, queues)
+    used = wave(is_open, np.array([last]), first, FAR, length, queues)
     count = 0
     if length.ravel()[first] != FAR:
-        count = corners(is_open, against, first, last, length, way)
+        count = corners(is_open, first, last, length, way)
     forget(length, queues, used)
     return count

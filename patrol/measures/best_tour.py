@@ -338,5 +338,4 @@ def _tour_digest(
     digest = hashlib.sha256(repr(facts).encode())
     for grid in (terrain.passable, reach, ground):
         digest.update(np.packbits(grid).tobytes())
-    digest.update(terrain.against.tobytes())
     return digest.hexdigest()[:32]

@@ -144,7 +144,7 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
     speed = min(spec.speed for spec in prepared.scenario.roster)
     wishes = tuple(wanted.get(weight) for weight in classes)
     laid_out = earlier.laid_out if earlier is not None and earlier.wanted == wishes else {}
-    visited = [number for number, wish in enumerate(wishes) if wish is not None and rounds and not terrain.against.size]
+    visited = [number for number, wish in enumerate(wishes) if wish is not None and rounds]
     ways = {number: _ways_m(prepared, rounds[number, number]) for number in visited}
     return ZonedGround(grid, classes, wishes, rounds, speed, ways, laid_out)
 
@@ -155,7 +155,7 @@ def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
 
     terrain, ground = prepared.terrain, next(iter(own_grounds(prepared).values()))
     starts = [divmod(cell, terrain.width) for cell in laid_out.places.tolist()]
-    lengths = lengths_along(ground.reach, terrain.against, starts, FAR, back=True)[1:-1, 1:-1]
+    lengths = lengths_along(ground.reach, starts, FAR)[1:-1, 1:-1]
     return np.where(lengths < FAR, lengths * np.float32(terrain.point / 100.0), np.float32(np.inf))
 
 

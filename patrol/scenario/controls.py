@@ -399,8 +399,6 @@ def _switch_zone(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[
     step, begin = scenario.step, _time_of(k, scenario.step)
     if zone.keep_out:
         raise BadInput(f"control: name = {zone.name}: a keep-out always holds; only other zones can be switched")
-    if zone.one_way is not None:
-        raise BadInput(f"control: name = {zone.name}: a one-way zone always holds; only other zones can be switched")
     times = ((0.0, scenario.duration),) if zone.times is None else zone.times
     cut = [(first, min(end, begin)) for first, end in times]
     switched = [span for span in cut if holds_tick(span, step)]

@@ -192,6 +192,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 
 def _unknown_key(key: str, section: type[Section]) -> str:
+    if section is SECTIONS["zones"] and key == "one_way":
+        return "one-way zones are gone; drop it, or keep robots out with keep_out"
     if issubclass(section, PatrolSpec) and key in GONE:
         return f"is no setting of patrol; set {GONE[key]}"
     for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):

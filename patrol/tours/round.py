@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from patrol.files.whole_file import replacing
 from patrol.ground.fields import load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import framed, lengths_along
+from patrol.ground.ways import framed
 from patrol.tours.cover import Looks
 
 if TYPE_CHECKING:
@@ -272,18 +272,11 @@ def _distances_between(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: f
 
     rows, cols = np.divmod(spots, terrain.width)
     longest = 141 * reach.size
-    if terrain.against.size:
-        grids = (
-            lengths_along(reach, terrain.against, [start], longest)
-            for start in zip(rows.tolist(), cols.tolist(), strict=True)
-        )
-        lengths = np.array([grid[rows + 1, cols + 1] for grid in grids])
-    else:
-        is_open, _ = framed(reach, terrain.against)
-        distinct, index = np.unique((rows + 1) * (terrain.width + 2) + cols + 1, return_inverse=True)
-        between = np.empty((len(distinct), len(distinct)), dtype=np.int32)
-        limit = math.ceil(100.0 * near_m / terrain.point)
-        while lengths_between(is_open, distinct, limit, between) and limit <= longest:
-            limit *= 2
-        lengths = between[np.ix_(index, index)]
+    is_open = framed(reach)
+    distinct, index = np.unique((rows + 1) * (terrain.width + 2) + cols + 1, return_inverse=True)
+    between = np.empty((len(distinct), len(distinct)), dtype=np.int32)
+    limit = math.ceil(100.0 * near_m / terrain.point)
+    while lengths_between(is_open, distinct, limit, between) and limit <= longest:
+        limit *= 2
+    lengths = between[np.ix_(index, index)]
     return np.where(lengths == FAR, np.inf, lengths * (0.01 * terrain.point))

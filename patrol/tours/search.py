@@ -4,8 +4,6 @@ Robots that follow such a tour of length L at equal distances see each point at 
 bounds the MFoW that a fleet of N robots of speed v needs. The tour is the best that was found, not the shortest:
 greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the same for the same ground.
 
-On ground with one-way zones the places are put in order as if there were none. Of both directions the shorter one
-counts, and from then on all ways lead against no zone. So another order may be shorter.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import Footprint
-from patrol.ground.terrain import BoolGrid, Steps, Terrain
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.ways import framed
 from patrol.kernels.tour import shorten
 from patrol.kernels.ways import FAR, lengths_between, way_between
@@ -72,7 +70,7 @@ def find_tour(
     chosen, rough = cover_roughly(looks, ground, part, proxy, footprint)
     if len(chosen) > MOST_PLACES:
         return None
-    ways = _Ways(part, terrain.against, max(SAMPLES * footprint.radius, 1.0), NEAR * candidate_spacing(part, footprint))
+    ways = _Ways(part, max(SAMPLES * footprint.radius, 1.0), NEAR * candidate_spacing(part, footprint))
     best, length = chosen, math.inf
     for _ in range(ROUNDS):
         tour = _Patrol(ways.ordered(best), rough, ways)
@@ -91,8 +89,8 @@ def find_tour(
 class _Ways:
     """Ways between the points of a part of the reachable ground, and tours in a short order."""
 
-    def __init__(self, part: BoolGrid, against: Steps, stride: float, near: float) -> None:
-        self._framed, self._against = framed(part, against)
+    def __init__(self, part: BoolGrid, stride: float, near: float) -> None:
+        self._framed = framed(part)
         self.width = int(part.shape[1])
         self.stride = stride  # between samples on a way, points
         self._near = near  # longest path that is searched for first, points
@@ -110,13 +108,13 @@ class _Ways:
     def way(self, first: int, last: int) -> tuple[float, tuple[int, ...]]:
         """Return the length of the way between two points, in points, and the samples on it, without its ends.
 
-        It is the same in both directions where there are no one-way zones.
+        It is the same in both directions.
         """
         pair = self._kept_pair(first, last)
         if pair not in self._known:
             begin, end = (self._flat_index(cell) for cell in pair)
             scratch = self._length, self._queues, self._corners
-            count: int = way_between(self._framed, self._against, begin, end, *scratch)
+            count: int = way_between(self._framed, begin, end, *scratch)
             if not count:
                 raise ValueError(f"no way leads from {first} to {last}")
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
@@ -134,8 +132,7 @@ class _Ways:
 
     def _kept_pair(self, first: int, last: int) -> tuple[int, int]:
         """Return the ends of the way that is kept for two points."""
-        # Without one-way zones a way is the same in both directions, so one of them is kept.
-        return (first, last) if self._against.size or first < last else (last, first)
+        return (first, last) if first < last else (last, first)
 
     def _sample_way(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(rows), np.diff(cols)))])
@@ -150,12 +147,6 @@ class _Ways:
 
     def ordered(self, places: list[int]) -> list[int]:
         """Return places in the order of a short closed tour."""
-        order = self._in_short_order(places)
-        # With one-way zones the two directions differ in length.
-        return min(order, order[::-1], key=self.length) if self._against.size else order
-
-    def _in_short_order(self, places: list[int]) -> list[int]:
-        """Return places in the order of a short closed tour, as if there were no one-way zones."""
         if len(places) < 4:
             return places
         flat = np.array([self._flat_index(cell) for cell in places], dtype=np.int64)

@@ -1,1 +1,1 @@
-"""Zones: ground that matters more or less, that is slow or one-way, or that no body may enter."""
+"""Zones: ground that matters more or less, that is slow, or that no body may enter."""

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
 from patrol.ground.shapes import Polygon, cover, touched_points
-from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
-from patrol.ground.ways import with_direction
+from patrol.ground.terrain import BoolGrid, Terrain
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -59,11 +58,6 @@ class Zone(Protocol):
         """True where no body may enter."""
         ...
 
-    @property
-    def one_way(self) -> int | None:
-        """Direction against which no way leads, degrees from x towards y; None where ways lead in all directions."""
-        ...
-
 
 def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     """Return the points that share some area with a zone.
@@ -78,17 +72,8 @@ def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
 
 
-def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
-    """Return the steps that lead against one-way zones: `Terrain.against`."""
-    against = ALL_WAYS
-    for zone in zones:
-        if zone.one_way is not None:
-            against = with_direction(against, points_of(zone, terrain), zone.one_way)
-    return against
-
-
 def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
-    """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones."""
+    """Return the terrain without the ground that zones keep bodies out of."""
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
     for number, zone in enumerate(zones):
@@ -99,10 +84,9 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
         if zone.keep_out:
             keep_out |= points
             kept_out.append(zone.name)
-    against = steps_against(zones, terrain)
-    if not kept_out and not against.size:
+    if not kept_out:
         return terrain
-    zoned = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
+    zoned = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source)
     if not zoned.free.any():
         names = ", ".join(kept_out)
         reason = f"{names} keep robots out of all free space of {terrain.name}"

@@ -1,10 +1,9 @@
-"""The scenario's zones: ground that matters more or less, that is slow or one-way, or that no body may enter.
+"""The scenario's zones: ground that matters more or less, that is slow, or that no body may enter.
 
     zones:
       - {name: vault, polygon: [[2, 2], [8, 2], [8, 6], [2, 6]], weight: 10, times: [[600, 1200]]}
       - {name: lobby, polygon: [[20, 2], [30, 2], [30, 9]], age: 60}
       - {name: ward, polygon: [[20, 12], [30, 12], [30, 19]], speed: 0.3}
-      - {name: aisle, polygon: [[8, 14], [18, 14], [18, 16], [8, 16]], one_way: 180}
       - {name: stairs, mask: keepout.yaml, keep_out: true}
 
 A zone with times is in force in these alone, any other always. It is a polygon in metres, or the marked cells of a mask
@@ -32,7 +31,6 @@ from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.marks import Look, Mark, mark_ground
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import ARROWS, TURN
 from patrol.maps.map_file import read_map_file
 from patrol.values import (
     Corner,
@@ -83,7 +81,6 @@ Weighing = frozenset[tuple[str, float | None]]
 """The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 
 Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
-Direction = Annotated[int, Field(ge=0, lt=360, strict=True), expecting("a whole number of degrees from 0 to 315")]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -145,7 +142,7 @@ class ZoneSpec(Section):
     """A zone: where it is, and what holds there."""
 
     EXAMPLE = "{name: vault, polygon: [[2, 2], [8, 2], [8, 6]], weight: 10}"
-    LATER = MappingProxyType(dict.fromkeys(("speed", "one_way", "times", "weights")))
+    LATER = MappingProxyType(dict.fromkeys(("speed", "times", "weights")))
 
     name: Name = Field(description="the zone's name")
     polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")
@@ -155,7 +152,6 @@ class ZoneSpec(Section):
     weights: Weights | None = Field(None, description="[[s, weight], ...], each from then on in place of weight")
     age: Positive | None = Field(None, description="s, that no point of it should exceed")
     speed: Positive | None = Field(None, description="m/s, top speed of bodies whose centre is in it")
-    one_way: Direction | None = Field(None, description="degrees from x towards y, against which no way leads")
     times: Spans | None = Field(None, description="s, [[from, to], ...] in which it is in force; always without any")
 
     @field_validator("mask", mode="before")
@@ -178,18 +174,12 @@ class ZoneSpec(Section):
             raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
         if self.keep_out is False:
             raise wrong("keep_out", f"{self.name}: is true or left out; drop it")
-        if self.one_way is not None and self.one_way % TURN:
-            nearest = round(self.one_way / TURN) * TURN % 360
-            why = f"{self.name}: {self.one_way} is no multiple of {TURN} degrees; the nearest is {nearest}"
-            raise wrong("one_way", why)
-        rules = [self.keep_out, self.weight, self.age, self.speed, self.one_way]
+        rules = [self.keep_out, self.weight, self.age, self.speed]
         if len(rules) - rules.count(None) != 1:
-            needed = "exactly one is needed: keep_out: true, a weight, an age, a speed or one_way"
+            needed = "exactly one is needed: keep_out: true, a weight, an age or a speed"
             raise wrong("", f"{self.name}: {needed}")
         if self.keep_out and self.times is not None:
             raise wrong("times", f"{self.name}: a keep-out always holds; drop them, or make it one of closures")
-        if self.one_way is not None and self.times is not None:
-            raise wrong("times", f"{self.name}: a one-way zone always holds; drop them")
         check_spans(self.times or (), "times", self.name)
         starts_s = [start_s for start_s, _ in self.weights or ()]
         if self.weight is None and self.weights is not None:
@@ -210,12 +200,10 @@ class ZoneSpec(Section):
         return changed[index - 1][1] if index else self.weight
 
     @property
-    def kind(self) -> Literal["keepout", "oneway", "slow", "weight"]:
+    def kind(self) -> Literal["keepout", "slow", "weight"]:
         """The kind of zone, as maps tell them apart."""
         if self.keep_out:
             return "keepout"
-        if self.one_way is not None:
-            return "oneway"
         return "slow" if self.speed is not None else "weight"
 
     @property
@@ -225,8 +213,6 @@ class ZoneSpec(Section):
             return f"{self.name}: keep out"
         if self.speed is not None:
             return f"{self.name} {self.speed:g} m/s"
-        if self.one_way is not None:
-            return f"{self.name} {ARROWS[self.one_way // TURN]}"
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
 
     def label_at(self, time_s: float) -> str:

@@ -90,11 +90,6 @@ def _check_scenario(scenario: Scenario, drive: str) -> None:
         if zone.speed is not None:
             why = "Nav2 drives to goals at its own speed; give it the mask for its speed filter, and drop it here"
             raise NotPrepared(f"zones.{number}.speed = {zone.speed:g}: {why}")
-        if zone.one_way is not None:
-            why = (
-                "Nav2 drives to goals on ways of its own, which may lead against it; drop it, or choose another --drive"
-            )
-            raise NotPrepared(f"zones.{number}.one_way = {zone.one_way}: {why}")
 
 
 def drive(process: ProcessContext) -> int:

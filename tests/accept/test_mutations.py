@@ -488,12 +488,6 @@ _break(
     "zones begin and end unseen",
     ("they begin a tick late", "zone times", _zones_late),
 )
-_break(
-    "one-way zones",
-    {"zones": [{**_HALL, "one_way": 0}]},
-    "minds drive blindly",
-    ("minds drive west", "one-way zones", _drives(lambda _, speed: -speed)),
-)
 
 # --- what the journal measures ---------------------------------------------------------------------------------------
 

@@ -17,12 +17,10 @@ from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay, St
 from agent.view import View
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Drive, Pose, Velocity
-from patrol.prepare import prepare
 from patrol.radio.message import Position, decode, encode
 from patrol.scenario import Scenario, load_scenario
 from tests.agent.minds import at, prepared_on
 from tests.agent.plans import Robots
-from tests.ring import LOWER, ring, zone
 
 
 def scenario_of(model: str, **patrol: Any) -> Scenario:
@@ -242,16 +240,3 @@ def test_a_robot_is_slow_where_a_zone_is_in_force(k: int, zones: tuple[int, ...]
     assert command.speed_mps == pytest.approx(limit)
     outside = Pose(14.0, 14.0, 0.0)
     assert mind.step(replace(at(k + 1, outside), zones=zones), []).command.speed_mps == pytest.approx(4.0)
-
-
-@pytest.mark.parametrize(("here", "commanded"), [(10.0, 0.0), (4.0, -1.6)])
-def test_a_robot_does_not_drive_against_a_one_way_zone_whatever_its_policy_says(here: float, commanded: float) -> None:
-    aisle = zone("aisle", LOWER, 0)
-    robots = {"count": 2, "model": "holonomic", "radius": 0.3, "speed": 1.6}
-    scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "zones": [aisle]})
-    start = Pose(here, 2.25, 0.0)
-    mind = build_mind(prepare(scenario, ring(aisle)), 1)
-    mind.policy = Says(Steer(Velocity(-1.6, 0.0)))
-    command = mind.step(at(0, start), []).command
-    assert isinstance(command, Velocity)
-    assert command.vx == pytest.approx(commanded)

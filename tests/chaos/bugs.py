@@ -85,10 +85,7 @@ CALM: dict[str, Any] = {
 CALM |= {"nemesis": None, "faults": [], "patrol.policy": "committed", "robots.speed": 5.0, "robots.battery": None}
 HOLONOMIC = {**CALM, "duration": 100.0, "robots.model": "holonomic"}
 SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
-AISLE = {"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}
-ONE_WAY = {**CALM, "duration": 60.0, "closures": [], "zones": [AISLE]}
-"""What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round, and
-ground on which a robot can go far against a zone."""
+"""What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round."""
 
 
 def _bug(
@@ -444,7 +441,6 @@ _bug("bodies pass through keep-outs", "keep-outs", needs="feature zone: keep-out
 _bug("slow zones slow nothing", "slow zones", needs="feature zone: slow")(
     _blind, put(world, "slowed", lambda _: lambda command, _: command)
 )
-_bug("minds drive blindly", "one-way zones", settings=ONE_WAY)(_blind)
 _bug("zones begin and end unseen", "zone times", needs="feature zone: times")(
     _untold(World, "close_and_open", IN_FORCE, OUT_OF_FORCE)
 )

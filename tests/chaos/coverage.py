@@ -23,7 +23,7 @@ from patrol.zones.spec import zones_in_force
 from worldsim.faults import SKIPPED, WAITING
 from worldsim.world import World
 
-ZONES = ("keep-out", "weight", "weights that change", "age", "slow", "one-way", "times")
+ZONES = ("keep-out", "weight", "weights that change", "age", "slow", "times")
 FEATURES = (
     *("adaptive sending", "batteries", "direct radio", "docks", "radio budget"),
     *("closures by rates", "closures by times", "graph", "vertices", "intruders", "key", "several bodies"),
@@ -98,7 +98,6 @@ def of_scenario(scenario: Scenario) -> set[str]:
         "zone: weights that change": any(zone.weights for zone in zones),
         "zone: age": any(zone.age for zone in zones),
         "zone: slow": any(zone.speed for zone in zones),
-        "zone: one-way": any(zone.one_way is not None for zone in zones),
         "zone: times": any(zone.times for zone in zones),
     }
     return {

@@ -40,7 +40,7 @@ FEATURES = _FEATURES.split(", ")
 FAULT_KINDS = (*DRAWN, "close", "open")
 """Kinds of faults of which a seed takes half; a nemesis does not draw the last two, because they need a closure."""
 
-EXCLUDED = {"age": {"quality", "narrow view", "mixed bodies"}, "one_way": {"closures"}}
+EXCLUDED = {"age": {"quality", "narrow view", "mixed bodies"}}
 """Features that a zone with such a rule leaves out: a wanted age is compared with a tour, which these have not.
 
 Nor have vertices, so a graph then has the ground patrolled.
@@ -110,7 +110,7 @@ class _Drawing:
         self._draw_building = draw_building
         self._given = {field.partition(".")[0] for field in settings} - {"robots"}
         features = set(_half_of(FEATURES, seed, 1))
-        self._rule = Draws(seed, Purpose.CHAOS, -1).choice("age", "one_way", "", "", "") if "zones" in features else ""
+        self._rule = Draws(seed, Purpose.CHAOS, -1).choice("age", "", "", "", "") if "zones" in features else ""
         self._features = features - EXCLUDED.get(self._rule, set())
         self._kinds = _half_of(FAULT_KINDS, seed, 2)
 
@@ -249,11 +249,11 @@ class _Drawing:
         """Draw a place where the widest body gets to."""
         return self._dice.choice(*self._places)
 
-    def _draw_box(self, half: float, *, at_doors: bool = True) -> list[list[float]]:
+    def _draw_box(self, half: float) -> list[list[float]]:
         """Draw a box around such a place at any angle, or around a door."""
         dice = self._dice
         (x, y), angle = self._draw_place(), dice.between(0.0, math.pi)
-        if self._doors and at_doors and dice.share() < 0.5:
+        if self._doors and dice.share() < 0.5:
             x, y, width = dice.choice(*self._doors)
             half, angle = 0.5 * width + self._terrain.point, 0.0
         across, up = half * math.cos(angle), half * math.sin(angle)
@@ -326,14 +326,12 @@ class _Drawing:
         chosen = dice.shuffled(rules)[: dice.whole(1, 3)]
         if self._rule == "age":
             chosen[0] = {"age": dice.between(5.0, 60.0)}
-        if self._rule == "one_way" and base.patrol.policy != PAPER:
-            chosen[0] = {"one_way": 45 * dice.whole(0, 7)}
         drawn = []
         for number, rule in enumerate(chosen):
             half = dice.between(0.5, 1.0) * largest if "keep_out" in rule else dice.between(1.0, 4.0) * largest
-            is_timed = not rule.keys() & {"keep_out", "one_way", "weights"}
+            is_timed = not rule.keys() & {"keep_out", "weights"}
             times: dict[str, Any] = {"times": self._draw_span(base)} if is_timed else {}
-            polygon = self._draw_box(half, at_doors="one_way" not in rule)
+            polygon = self._draw_box(half)
             drawn.append({"name": f"zone-{number}", "polygon": polygon, **rule, **dice.choice({}, times)})
         return drawn
 

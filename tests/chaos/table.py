@@ -30,15 +30,8 @@ BY_PROCESSES = "feature direct radio"
 NO_TOUR = ("narrow view", "poor quality", "several bodies", "vertices")
 """Features with which ground has no tour that a wanted age could be compared with."""
 
-NO_PAIRS = frozenset(
-    {
-        *((f"feature closures by {how}", "feature zone: one-way") for how in ("rates", "times")),
-        *((f"feature {what}", "feature zone: age") for what in NO_TOUR),
-        ("feature zone: age", "feature zone: one-way"),
-        *((f"fault {kind}", "feature zone: one-way") for kind in ("close", "open")),
-    }
-)
-"""Pairs that no scenario has: closures leave no one-way zone, ages need a tour, and these two are drawn apart."""
+NO_PAIRS = frozenset({*((f"feature {what}", "feature zone: age") for what in NO_TOUR)})
+"""Pairs that no scenario has: ages need a tour."""
 
 MARK = "<!-- made by python -m tests.chaos.table; do not edit below -->\n"
 

@@ -39,7 +39,7 @@ from patrol.reporting import metrics
 from patrol.scenario import step
 from patrol.tours import search
 from patrol.tours.round import STRETCH
-from patrol.zones import checks, division, spec
+from patrol.zones import division, spec
 from ros2.robot import steering, stops
 from worldsim.checks import bodies, progress
 from worldsim.output.traffic import MOST_ROBOTS
@@ -167,7 +167,6 @@ SPELT: list[tuple[str, str, float, float]] = [
     ("progress", "saw at most a tenth more points", progress.NEW_SHARE, 0.1),
     ("progress", "one circle of four times the sum of its radius and its stride", stays.ROAMING, 4.0),
     ("zones", "with more than four weights", division.MOST_CLASSES, 4),
-    ("zones", "than two diameters, two steps and the diagonal", checks.LEAST_LONG, 2.0),
     ("plan", "A run lasts twelve times the age", plan.INTERVALS, 12.0),
     ("ros2", "five times zero velocity", steering.LASTING_ZEROS, 5),
 ]

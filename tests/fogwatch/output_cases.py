@@ -148,7 +148,7 @@ YARDS: dict[str, Any] = {
     "seed": 4,
     "robots": {"count": 4, "model": "differential", "speed": 3.0, "radius": 0.5, "spare": 1},
     "patrol": {"options": {"separation": ["claims", "artificial-obstacles"]}},
-    "zones": [{"name": "lane", "polygon": box(40, 40, 60, 44), "one_way": 180}],
+    "zones": [{"name": "lane", "polygon": box(40, 40, 60, 44), "speed": 1.5}],
     "faults": [
         {"kind": "kill", "at": 60, "who": "r2"},
         {"kind": "restart", "at": 100, "who": "r2"},

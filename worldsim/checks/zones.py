@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from patrol.closures.ground import IN_IT, WAITING, WAITS, closure_of
-from patrol.faults.kinds import Close, Drift, Motion, OnClosure
+from patrol.faults.kinds import Close, Motion, OnClosure
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
 from patrol.pose import command_of
@@ -134,71 +134,6 @@ class SlowZonesKept(ZoneCheck):
 
     def _end(self) -> str:
         return f"{self._looked} steps in {len(self._zones)} slow zones, none too fast"
-
-
-class _Visit(NamedTuple):
-    """A robot's stay in a zone."""
-
-    came_in: tuple[float, float]  # x and y where its centre was first seen in the zone, m
-    disturbed: bool  # a drift or motion fault acted on it, so it was not where it believed to be
-
-
-class OneWayZonesKept(ZoneCheck):
-    """No robot gets farther against a one-way zone, from where it came in, than is allowed.
-
-    That is its diameter, a step and a point's diagonal. It goes by poses. Visits during which a drift or motion fault
-    acts on a robot are counted and not judged.
-    """
-
-    name = "one-way zones"
-    rule = "one_way"
-
-    def __init__(self, run: JudgedRun) -> None:
-        super().__init__(run)
-        rim_m = math.sqrt(2.0) * run.prepared.terrain.point  # robots know zones by points
-        roster = run.prepared.scenario.roster
-        self._allowed = {spec.number: 2.0 * spec.radius + spec.speed * run.step + rim_m for spec in roster}
-        self._disturbing = run.entries(Drift, Motion)
-        self._visits: dict[tuple[int, str], _Visit] = {}
-        self._count = self._disturbed = 0
-        self._farthest_m = 0.0
-
-    def _tick(self, record: TickRecord) -> None:
-        disturbed = robots_hit(self._disturbing, record.k)
-        for row in record.robots:
-            for zone in self._zones:
-                key = row.number, zone.name
-                visit = self._visits.pop(key, None)
-                if row.number in self._expected.away or not self._is_in[zone.name](row.x, row.y):
-                    continue
-                if visit is None or row.number in self._expected.appeared:
-                    visit = _Visit((row.x, row.y), False)
-                    self._count += 1
-                if row.number in disturbed and not visit.disturbed:
-                    visit = visit._replace(disturbed=True)
-                    self._disturbed += 1
-                self._visits[key] = visit
-                if not visit.disturbed:
-                    self._judge_zone(record.k, zone, visit, row)
-
-    def _judge_zone(self, k: int, zone: ZoneSpec, visit: _Visit, row: RobotTick) -> None:
-        assert zone.one_way is not None
-        angle = math.radians(zone.one_way)
-        across, up = visit.came_in[0] - row.x, visit.came_in[1] - row.y
-        back_m = across * math.cos(angle) + up * math.sin(angle)
-        self._farthest_m = max(self._farthest_m, back_m)
-        allowed_m = self._allowed[row.number]
-        if back_m > allowed_m:
-            where = f"at ({row.x:.3f}, {row.y:.3f})"
-            went = f"went {back_m:.3f} m against {zone.name}, where {allowed_m:.3f} m are allowed,"
-            self._fail(f"{self._name(row.number)} {went} by tick {k}, {where}")
-
-    def _end(self) -> str:
-        if self._count and self._disturbed == self._count:
-            self._unknown = f"not judged: drift or motion faults acted on robots in all {self._count} visits"
-        left_out = f"; {self._disturbed} under drift or motion faults not judged" if self._disturbed else ""
-        visits = f"{self._count} visits to {len(self._zones)} one-way zones"
-        return f"{visits}, at most {self._farthest_m:.2f} m against them{left_out}"
 
 
 class ZoneTimesTold(Check):

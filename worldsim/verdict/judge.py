@@ -27,7 +27,7 @@ from worldsim.checks.progress import ProgressCheck, Recovers, RunProgress
 from worldsim.checks.reach import PathLossAsAsked, WithinReach
 from worldsim.checks.sent import FramesAreTrue, SpoofsAsAsked, WithinBudget
 from worldsim.checks.statuses import DownAreSilent, EventsFollow, NobodyLost, StatusesFollow
-from worldsim.checks.zones import ClosuresKept, KeepOutsKept, OneWayZonesKept, SlowZonesKept, ZoneTimesTold
+from worldsim.checks.zones import ClosuresKept, KeepOutsKept, SlowZonesKept, ZoneTimesTold
 from worldsim.faults import Timeline
 from worldsim.verdict.ages import AgesOpen, OpenFacts, ZoneAges, ZoneFacts
 from worldsim.verdict.figures import Figures, Found, compare
@@ -64,7 +64,6 @@ CHECKS: tuple[type[Check], ...] = (
     BatteriesLast,
     KeepOutsKept,
     SlowZonesKept,
-    OneWayZonesKept,
     ClosuresKept,
     ZoneTimesTold,
     FramesAreTrue,

@@ -52,7 +52,7 @@ export class ZonesPanel {
     text.textContent = label;
     held.className = "held";
     item.append(text, held);
-    if (can && kind !== "keepout" && kind !== "oneway") {
+    if (can && kind !== "keepout") {
       const button = document.createElement("button");
       button.type = "button";
       button.setAttribute("aria-label", `switch ${name}`);

@@ -16,8 +16,6 @@ from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.tours.round import Round
-from patrol.zones.ground import with_zones
-from patrol.zones.spec import ZoneSpec
 
 # Not the product's own, so that a wrong one there is noticed.
 JUMP = 20.0
@@ -278,19 +276,6 @@ def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
 def test_robots_that_hear_nobody_take_places_by_their_numbers() -> None:
     begun = [begin(spacing_on(RING, number), at(0, {number: (0.5, 0.5)}, number)) for number in range(1, 9)]
     assert begun == pytest.approx([10.0 * slot for slot in range(8)], abs=1.0)
-
-
-@pytest.mark.parametrize(("one_way", "place"), [(None, 76.0), (0, 6.0)])
-def test_robots_spread_by_ways_where_there_are_one_way_zones(one_way: int | None, place: float) -> None:
-    """As the crow flies places on both sides are 7 m away. Robot 1 cannot go back, so it stays."""
-    reach = np.zeros(FIELD.shape, dtype=np.bool_)
-    reach.reshape(-1)[RING[0].places] = True
-    terrain = FIELD
-    if one_way is not None:
-        zone = {"name": "aisle", "polygon": [[5, 0], [25, 0], [25, 1], [5, 1]], "one_way": one_way}
-        terrain = with_zones(FIELD, [ZoneSpec.model_validate(zone)])
-    seen = replace(at(0, {1: (6.5, 0.5), 2: (26.5, 0.5)}), ground=Ground(terrain, reach))
-    assert begin(spacing_on(RING), seen) == pytest.approx(place, abs=1.0)
 
 
 @pytest.mark.parametrize(("tick", "team"), [(40, 2), (41, 1)])

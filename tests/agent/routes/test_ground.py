@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agent.kernels.wave import HEMMED, OPEN, STATUS
 from agent.routes.ground import Area, Disc, Ground
-from patrol.ground.terrain import ALL_WAYS, Terrain
+from patrol.ground.terrain import Terrain
 from tests.present import present
 
 
@@ -172,15 +172,3 @@ def test_an_area_that_does_not_fit_spoils_no_ground_of_another_robot() -> None:
         with pytest.raises(ValueError, match="broadcast"):
             _ = one.state
         assert np.array_equal(other.state, fresh(is_open, [(3.0, 3.0, 1.5)]))
-
-
-def test_one_way_zones_count_again_on_grounds_over_one_that_is_shut_in() -> None:
-    is_open = np.ones((6, 6), dtype=np.bool_)
-    against = np.full((6, 6), 3, dtype=np.uint8)
-    terrain = Terrain("t", is_open, 0.5, against=against)
-    ground = Ground(terrain, is_open)
-    ground.close([(1.0, 1.0, 0.5)])
-    ground.against, ground.behind = ALL_WAYS, is_open
-    for above in (ground.over(), ground.static):
-        assert np.array_equal(above.against, against)
-        assert above.behind is None

@@ -45,7 +45,7 @@ def settings(kind: str, at: tuple[float, float]) -> dict[str, Any]:
             "zones": [
                 {"name": "east", "polygon": box(21.0, 0.0, 33.0, 11.0, at), "weight": 3.0},
                 {"name": "slow", "polygon": box(0.0, 0.0, 5.0, 11.0, at), "speed": 0.3},
-                {"name": "out", "polygon": box(12.0, 1.0, 20.0, 5.0, at), "one_way": 90},
+                {"name": "out", "polygon": box(12.0, 1.0, 20.0, 5.0, at), "speed": 0.5},
             ]
         },
         "docks": {"robots": {**BODY, "count": 2, "battery": BATTERY}, "docks": [{"place": place}]},

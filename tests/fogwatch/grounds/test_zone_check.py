@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -15,7 +14,6 @@ from patrol.errors import BadInput
 from patrol.measures.zoned import zone_weights
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from tests.ring import LOWER, UPPER, write_cells, write_ring, zone
 
 WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "keep_out": True}
 VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]]}
@@ -80,61 +78,3 @@ def test_a_file_without_zones_is_refused(tmp_path: Path) -> None:
     file.write_text("name: vault", encoding="utf-8")
     with pytest.raises(BadInput, match=r"--zones .*zones\.yaml: holds no list of zones"):
         CliRunner().invoke(app, ["check", "yards", "--point", "1", "--zones", str(file)], catch_exceptions=False)
-
-
-def check_ring(folder: Path, *zones: dict[str, Any]) -> str:
-    return check(write_ring(folder), 0.3, folder, *zones)
-
-
-def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:
-    """In the corridor one row of 16 points is left to the centres of bodies: 4 m²."""
-    told = check_ring(tmp_path, zone("aisle", LOWER, 0))
-    assert "  aisle →: one way at 0 degrees, 4.0 m² of reachable ground\n" in told
-
-
-@pytest.mark.parametrize(
-    ("zones", "problem"),
-    [
-        (
-            (zone("aisle", LOWER, 0), zone("back", UPPER, 0)),
-            r"zones: one_way: no way leads back from \d.* m² around \(",
-        ),
-        (
-            (zone("aisle", [[6, 1], [7, 1], [7, 3], [6, 3]], 0),),
-            r"zones\.0: aisle: is 1\.00 m long in its direction where robots of radius 0\.3 m get, and they take",
-        ),
-        (  # 10 m long in its direction, of which robots reach one row of each corridor
-            (zone("aisle", [[8, 0], [12, 0], [12, 10], [8, 10]], 90),),
-            r"zones\.0: aisle: is 0\.50 m long in its direction where robots of radius 0\.3 m get",
-        ),
-        (
-            (zone("aisle", [[6, 4], [14, 4], [14, 6], [6, 6]], 0),),
-            r"zones\.0: aisle: no robot gets there, so it directs",
-        ),
-    ],
-)
-def test_one_way_zones_that_are_refused(tmp_path: Path, zones: tuple[dict[str, Any], ...], problem: str) -> None:
-    with pytest.raises(BadInput, match=problem):
-        check_ring(tmp_path, *zones)
-
-
-@pytest.mark.parametrize("speeds", [(0.5, 4.4), (4.4, 0.5)])
-def test_the_fastest_robot_of_a_width_decides_how_long_a_one_way_zone_must_be(
-    speeds: tuple[float, float], tmp_path: Path
-) -> None:
-    """Of 3 m in its direction: enough at 0.5 m/s, which takes 2.1 m, and not at 4.4 m/s, which takes 6.3 m."""
-    robots = [{"model": "holonomic", "radius": 0.3, "speed": speed} for speed in speeds]
-    aisle = zone("aisle", [[6, 1], [9, 1], [9, 3], [6, 3]], 0)
-    says = {"terrain": {"map": str(write_ring(tmp_path))}, "point": 0.5, "step": 0.5, "zones": [aisle]}
-    prepare(load_scenario(says | {"robots": [robot | {"speed": 0.5} for robot in robots]}))
-    with pytest.raises(BadInput, match=r"is 3\.00 m long .* at least 6\."):
-        prepare(load_scenario(says | {"robots": robots}))
-
-
-def test_a_one_way_zone_that_goes_up_by_corners_is_as_long_as_it_looks(tmp_path: Path) -> None:
-    marked = np.zeros((20, 40), dtype=np.bool_)
-    for step in range(8):
-        marked[4 + step, 31 + step] = True  # up through the east room
-    write_cells(tmp_path, "stairs", marked)
-    told = check_ring(tmp_path, {"name": "stairs", "mask": "stairs.yaml", "one_way": 45})
-    assert "  stairs ↗: one way at 45 degrees" in told

@@ -9,7 +9,7 @@ import pytest
 
 import fogwatch
 from tests.fleets import COARSE, one_and_many
-from tests.ring import LOWER, UPPER, write_ring, zone
+from tests.ring import LOWER, UPPER, zone
 
 pytestmark = pytest.mark.processes
 
@@ -48,10 +48,6 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         },
         {"intruders": []},
     ),
-    "one-way zones": (
-        {**ALONG, "robots": {"count": 3, "model": "differential", "radius": 0.3, "speed": 1.0}},
-        {"zones": []},
-    ),
     "zones that begin and end": (SITE, {"zones": []}),
 }
 """A scenario, and the settings without the feature."""
@@ -60,8 +56,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 @pytest.mark.parametrize("feature", CASES)
 def test_a_feature_leaves_the_same_trace_and_another_one_than_without(feature: str, tmp_path: Path) -> None:
     given, without = CASES[feature]
-    ring = {"terrain": {"map": str(write_ring(tmp_path))}} if feature.startswith("one-way") else {}
-    scenario = {**COARSE, "duration": 60, **given, **ring}
+    scenario = {**COARSE, "duration": 60, **given}
     one, many = one_and_many(scenario, tmp_path)
     assert many.summary["messages"] == one.summary["messages"]
     assert one.summary["messages"]["rejected"] == 0

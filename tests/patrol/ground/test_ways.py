@@ -9,12 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from patrol.ground.fields import compute_fields
-from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps
-from patrol.ground.ways import STEPS, first_bend, framed, lengths_along, unit, with_direction
+from patrol.ground.terrain import BoolGrid
+from patrol.ground.ways import framed, lengths_along
 from patrol.kernels.ways import FAR, is_clear, lengths_between, way_between
-from patrol.pose import Pose
-from tests.ring import LOWER, ring, zone
 
 Place = tuple[int, int]
 
@@ -30,8 +27,11 @@ PLAN = """
 ROOM: BoolGrid = np.array([[letter == "." for letter in row] for row in PLAN.split()])
 
 
-def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[int, int]) -> NDArray[np.float64]:
-    """Lengths of the ways from a point, in hundredths of a point, by the definition of a step against a zone."""
+STEPS = [(up, across) for up in (-1, 0, 1) for across in (-1, 0, 1) if up or across]
+
+
+def dijkstra(reach: BoolGrid, start: tuple[int, int]) -> NDArray[np.float64]:
+    """Lengths of the ways from a point, in hundredths of a point, by the definition of a step."""
     lengths = np.full(reach.shape, np.inf)
     lengths[start] = 0
     heap = [(0, *start)]
@@ -42,9 +42,6 @@ def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[in
             inside = 0 <= to[0] < reach.shape[0] and 0 <= to[1] < reach.shape[1]
             if not inside or not (reach[to] and reach[row, to[1]] and reach[to[0], col]):
                 continue
-            directions = [unit(degrees) for points, degrees in zones if points[row, col] or points[to]]
-            if any(across * x + up * y < -1e-9 for x, y in directions):
-                continue
             away = length + (141 if up and across else 100)
             if away < lengths[to]:
                 lengths[to] = away
@@ -52,29 +49,22 @@ def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[in
     return lengths
 
 
-def drawn(seed: int) -> tuple[BoolGrid, list[tuple[BoolGrid, int]], Steps, tuple[int, int]]:
-    """A small random ground with up to two one-way zones, its steps against them, and an open point."""
+def drawn(seed: int) -> tuple[BoolGrid, tuple[int, int]]:
+    """A small random ground, and an open point."""
     rng = np.random.default_rng(seed)
     reach = rng.random(tuple(rng.integers(2, 14, 2))) < rng.choice([0.6, 0.9, 1.0])
     start = int(rng.integers(reach.shape[0])), int(rng.integers(reach.shape[1]))
     reach[start] = True
-    zones, against = [], ALL_WAYS
-    for _ in range(int(rng.integers(3))):
-        points = np.zeros(reach.shape, dtype=np.bool_)
-        row, col = rng.integers(reach.shape[0]), rng.integers(reach.shape[1])
-        points[row : row + rng.integers(1, 6), col : col + rng.integers(1, 6)] = True
-        zones.append((points, int(rng.integers(8)) * 45))
-        against = with_direction(against, *zones[-1])
-    return reach, zones, against, start
+    return reach, start
 
 
-def way(reach: BoolGrid, against: Steps, first: Place, last: Place) -> list[Place]:
+def way(reach: BoolGrid, first: Place, last: Place) -> list[Place]:
     """Rows and columns of the corners of the way from one point to another; none where no way leads."""
-    is_open, steps = framed(reach, against)
+    is_open = framed(reach)
     length = np.full(is_open.shape, FAR, dtype=np.int32)
     scratch = length, np.empty((2, is_open.size, 2), dtype=np.int32), np.empty(is_open.size, dtype=np.int32)
     begin, end = ((row + 1) * is_open.shape[1] + col + 1 for row, col in (first, last))
-    count = way_between(is_open, steps, begin, end, *scratch)
+    count = way_between(is_open, begin, end, *scratch)
     assert (length == FAR).all()
     rows, cols = np.divmod(scratch[2][:count], is_open.shape[1])
     return list(zip((rows - 1).tolist(), (cols - 1).tolist(), strict=True))
@@ -82,62 +72,39 @@ def way(reach: BoolGrid, against: Steps, first: Place, last: Place) -> list[Plac
 
 @given(seeds)
 @settings(max_examples=60)
-def test_lengths_are_those_of_dijkstra_and_back_they_are_turned_round(seed: int) -> None:
-    reach, zones, against, start = drawn(seed)
-    expected = dijkstra(reach, zones, start)
-    lengths = lengths_along(reach, against, [start], FAR)
+def test_lengths_are_those_of_dijkstra(seed: int) -> None:
+    reach, start = drawn(seed)
+    expected = dijkstra(reach, start)
+    lengths = lengths_along(reach, [start], FAR)
     assert np.array_equal(np.where(lengths < FAR, lengths, np.inf)[1:-1, 1:-1], expected)
-    back = lengths_along(reach, against, [start], FAR, back=True)[1:-1, 1:-1]
-    for row, col in np.argwhere(reach)[:: max(1, int(reach.sum()) // 8)].tolist():
-        there = dijkstra(reach, zones, (row, col))[start]
-        assert (math.inf if back[row, col] == FAR else back[row, col]) == there
 
 
 @given(seeds)
 @settings(max_examples=60)
 def test_from_the_nearest_of_several_points_and_up_to_a_limit(seed: int) -> None:
-    reach, zones, against, start = drawn(seed)
+    reach, start = drawn(seed)
     other = divmod(int(np.flatnonzero(reach)[-1]), reach.shape[1])
-    expected = np.minimum(dijkstra(reach, zones, start), dijkstra(reach, zones, other))
-    lengths = lengths_along(reach, against, [start, other], 450)[1:-1, 1:-1]
+    expected = np.minimum(dijkstra(reach, start), dijkstra(reach, other))
+    lengths = lengths_along(reach, [start, other], 450)[1:-1, 1:-1]
     assert np.array_equal(np.where(lengths < FAR, lengths, np.inf), np.where(expected <= 450, expected, np.inf))
 
 
 @given(seeds)
 @settings(max_examples=60)
-def test_straight_from_corner_to_corner_a_way_leads_against_no_zone(seed: int) -> None:
-    reach, zones, against, start = drawn(seed)
-    lengths = dijkstra(reach, zones, start)
+def test_a_way_is_straight_from_corner_to_corner_over_open_points(seed: int) -> None:
+    reach, start = drawn(seed)
+    lengths = dijkstra(reach, start)
     for row, col in np.argwhere(np.isfinite(lengths))[::3].tolist():
-        corners = way(reach, against, start, (row, col))
+        corners = way(reach, start, (row, col))
         assert (corners[0], corners[-1]) == (start, (row, col))
         for first, last in pairwise(corners):
             up, across = last[0] - first[0], last[1] - first[1]
             samples = np.linspace(0.0, 1.0, 40 * max(abs(up), abs(across)) + 1)[1:-1]
             rows = np.rint(first[0] + samples * up).astype(int)
             cols = np.rint(first[1] + samples * across).astype(int)
-            for points, degrees in zones:
-                x, y = unit(degrees)
-                crossed = points[rows, cols].sum() / max(len(samples), 1) * math.hypot(up, across)
-                # A line may touch a zone's edge with less than the half of a point.
-                assert across * x + up * y >= -1e-9 or crossed < 0.75
+            assert reach[rows, cols].all()
         length = sum(math.dist(first, last) for first, last in pairwise(corners))
         assert length <= lengths[row, col] / 141.0 * math.sqrt(2.0) + 1e-9
-
-
-def test_a_way_through_the_corridor_leads_back_through_the_other_one() -> None:
-    """The way back: 2 steps to the east room, 11 up in it, 23 along the upper corridor, 11 down, 2 to the corridor."""
-    terrain = ring(zone("aisle", LOWER, 0))
-    reach = compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)]).reach
-    west, east = (4, 10), (4, 29)
-    for start, end, expected in ((west, east, 1900), (east, west, 4900)):
-        assert lengths_along(reach, terrain.against, [start], FAR)[end[0] + 1, end[1] + 1] == expected
-        back = lengths_along(reach, terrain.against, [end], FAR, back=True)
-        assert back[start[0] + 1, start[1] + 1] == expected
-    assert way(reach, terrain.against, west, east) == [west, east]
-    assert way(reach, terrain.against, east, west) == [east, (4, 31), (15, 31), (15, 8), (4, 8), west]
-    to_west = lengths_along(reach, terrain.against, [west], FAR, back=True)
-    assert first_bend(reach, terrain.against, to_west, east, west) == (4, 31)
 
 
 def lengths(places: list[int], limit: int = 10**6) -> tuple[int, NDArray[np.int32]]:
@@ -157,25 +124,25 @@ def test_lengths_cut_no_corner_and_lead_through_other_places_beyond_the_limit() 
 
 def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> None:
     start = 1, 1
-    assert way(ROOM, ALL_WAYS, start, start) == [start, start]
-    assert way(ROOM, ALL_WAYS, start, (1, 3)) == [start, (1, 3)]
-    assert way(ROOM, ALL_WAYS, start, (3, 1)) == [start, (3, 1)]
-    assert way(ROOM, ALL_WAYS, start, (1, 7)) == [start, (1, 3), (3, 3), (3, 5), (1, 5), (1, 7)]
+    assert way(ROOM, start, start) == [start, start]
+    assert way(ROOM, start, (1, 3)) == [start, (1, 3)]
+    assert way(ROOM, start, (3, 1)) == [start, (3, 1)]
+    assert way(ROOM, start, (1, 7)) == [start, (1, 3), (3, 3), (3, 5), (1, 5), (1, 7)]
     apart = ROOM.copy()
     apart[3, 4] = False
-    assert way(apart, ALL_WAYS, (1, 1), (1, 7)) == []
+    assert way(apart, (1, 1), (1, 7)) == []
 
 
 def test_a_line_through_a_corner_needs_all_four_points() -> None:
     open_ = np.ones((4, 4), dtype=np.bool_)
-    assert is_clear(open_.view(np.uint8), ALL_WAYS, 0, 15)
+    assert is_clear(open_.view(np.uint8), 0, 15)
     open_[1, 2] = False
-    assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 15)
-    assert is_clear(open_.view(np.uint8), ALL_WAYS, 0, 12)
-    assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 6)
+    assert not is_clear(open_.view(np.uint8), 0, 15)
+    assert is_clear(open_.view(np.uint8), 0, 12)
+    assert not is_clear(open_.view(np.uint8), 0, 6)
 
 
 def test_a_way_as_long_as_the_limit_is_found_and_a_longer_one_is_not() -> None:
     field: BoolGrid = np.ones((4, 4), dtype=np.bool_)
-    lengths = lengths_along(field, ALL_WAYS, [(0, 0)], 241)[1:-1, 1:-1]
+    lengths = lengths_along(field, [(0, 0)], 241)[1:-1, 1:-1]
     assert lengths.tolist() == [[0, 100, 200, FAR], [100, 141, 241, FAR], [200, 241, FAR, FAR], [FAR] * 4]

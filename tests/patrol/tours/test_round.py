@@ -111,7 +111,7 @@ def test_stations_are_as_far_apart_as_the_ways_between_them(seed: int) -> None:
     assert stations is not None
     apart_m = []
     for spot in stations.spots.tolist():
-        lengths = lengths_along(fields.reach, terrain.against, [divmod(spot, terrain.width)], 2**30)[1:-1, 1:-1]
+        lengths = lengths_along(fields.reach, [divmod(spot, terrain.width)], 2**30)[1:-1, 1:-1]
         apart_m.append(lengths.reshape(-1)[stations.spots] * (terrain.point / 100.0))
     exact_m = np.array(apart_m)
     through_m = np.where(exact_m <= 4.0 * RANGE_M, exact_m, np.inf)

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patrol.ground.terrain import ALL_WAYS
 from patrol.ground.ways import lengths_along
 from patrol.tours.round import Round
 from patrol.tours.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
@@ -19,7 +18,7 @@ def ground(due_m: float) -> tuple[Round, Ground]:
     base = Round(80.0, places, np.arange(80.0), places, np.arange(80), places)
     middle = np.array([ROW * SIDE + 12])
     vault = Round(1.0, middle, np.zeros(1), middle, np.zeros(1, dtype=np.int64), middle)
-    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), ALL_WAYS, [(ROW, 12)], 2**30)[1:-1, 1:-1]
+    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), [(ROW, 12)], 2**30)[1:-1, 1:-1]
     return base, Ground(vault, (ways / 100.0).astype(np.float32), due_m)
 
 

@@ -32,7 +32,6 @@ class Given:
     polygon: Corners | None = None
     mask: Cells | None = None
     keep_out: bool | None = None
-    one_way: int | None = None
 
 
 def box(left: float, low: float, right: float, high: float) -> Corners:

@@ -86,11 +86,10 @@ def test_hashes() -> None:
     plain = scenario_hash(load_scenario(YARDS))
     assert scenario_hash(load_scenario(YARDS | {"zones": []})) == plain
     hashes = {scenario_hash(load_scenario(YARDS | {"zones": [zone(weight=weight)]})) for weight in (2, 3)}
-    ways = {scenario_hash(load_scenario(YARDS | {"zones": [zone(one_way=way)]})) for way in (0, 45)}
-    assert len(hashes | ways | {plain}) == 5
+    assert len(hashes | {plain}) == 3
 
 
-ONE_NEEDED = r"0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way"
+ONE_NEEDED = r"0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed"
 
 
 @pytest.mark.parametrize(
@@ -106,11 +105,7 @@ ONE_NEEDED = r"0: vault: exactly one is needed: keep_out: true, a weight, an age
         ([zone(weight=1e6)], r"0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),
         ([zone(polygon=SQUARE[:2], weight=2)], r"0\.polygon = .*: expected 3 or more corners"),
         ([zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)], r"0\.polygon: vault: its corners lie on one line"),
-        ([zone(one_way=[1, 0])], r"0\.one_way = .*: expected a whole number of degrees from 0 to 315"),
-        ([zone(one_way=360)], r"0\.one_way = 360: expected a whole number of degrees from 0 to 315"),
-        ([zone(one_way=100)], r"0\.one_way: vault: 100 is no multiple of 45 degrees; the nearest is 90"),
-        ([zone(one_way=340)], r"0\.one_way: vault: 340 is no multiple of 45 degrees; the nearest is 0"),
-        ([zone(one_way=90, times=[[0, 9]])], r"0\.times: vault: a one-way zone always holds; drop them"),
+        ([zone(one_way=90)], r"0\.one_way: one-way zones are gone; drop it, or keep robots out with keep_out"),
         ([zone(weight=2, age=60)], ONE_NEEDED),
         ([zone()], ONE_NEEDED),
         ([zone(weight=2, speed=0.5)], ONE_NEEDED),
@@ -135,22 +130,7 @@ def test_what_is_refused_in_one_line(zones: Any, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("given", "why"),
-    [
-        ({"patrol": {"policy": "potential-field"}}, "potential-field sums forces over ways that may lead against it"),
-        ({"closures": [{"name": "door", "polygon": SQUARE}]}, "with closures, robots could not tell which ground"),
-    ],
-)
-def test_what_needs_ways_that_are_as_long_there_as_back(given: dict[str, Any], why: str) -> None:
-    with pytest.raises(BadInput, match=rf"zones\.0\.one_way = 90: {why}"):
-        load_scenario(YARDS | given | {"zones": [zone(one_way=90)]})
-
-
-def test_a_one_way_zone_shows_its_direction_and_a_few_later_weights_are_named() -> None:
-    loaded = load_scenario(YARDS | {"zones": [zone(name=f"z{way}", one_way=way) for way in (0, 90, 225)]}).zones
-    assert [each.label for each in loaded] == ["z0 →", "z90 ↑", "z225 ↙"]
-    assert {each.kind for each in loaded} == {"oneway"}
+def test_a_few_later_weights_are_named() -> None:
     turns = [[60 * n, n] for n in range(1, 8)]
     few, many = load_scenario(
         YARDS | {"zones": [zone(weight=10, weights=turns[:2]), zone(name="cellar", weight=2, weights=turns[2:])]}

@@ -64,7 +64,6 @@ def test_zones_in_force_and_those_that_weigh_are_told_apart() -> None:
         ({"age": 60.0}, "weight", "vault 60 s"),
         ({"speed": 0.5}, "slow", "vault 0.5 m/s"),
         ({"keep_out": True}, "keepout", "vault: keep out"),
-        *(({"one_way": 45 * n}, "oneway", f"vault {arrow}") for n, arrow in enumerate("→↗↑↖←↙↓↘")),
     ],
 )
 def test_a_zone_is_marked_by_its_kind_with_what_holds_there(rules: dict[str, Any], kind: str, label: str) -> None:
@@ -105,9 +104,6 @@ def test_up_to_four_times_are_named(count: int, when: str) -> None:
         ({"weight": 0.00099}, False),
         ({"weight": 1000.0}, True),
         ({"weight": 1000.1}, False),
-        ({"one_way": 315}, True),
-        ({"one_way": 360}, False),
-        ({"one_way": 44}, False),
         ({"weight": 2.0, "age": 60.0}, False),
         ({}, False),
     ],

@@ -1,4 +1,4 @@
-"""The verdict's checks of keep-outs, slow zones, one-way zones, zones' times and closures."""
+"""The verdict's checks of keep-outs, slow zones, zones' times and closures."""
 
 from __future__ import annotations
 
@@ -122,71 +122,6 @@ def test_under_uneven_motion_the_command_counts(lab: Lab) -> None:
     move(journal, 9, 1, c0=1.0)
     says = "r1 drives 1.000 m/s in ward, which allows 0.5 m/s, at tick"
     assert failures((world, journal))["slow zones"].startswith(says)
-
-
-# --- one-way zones ---------------------------------------------------------------------------------------------------
-
-SMALL = {"radius": 0.1, "speed": 0.4}
-"""A robot that may get 0.4 m back: its diameter and a step of 0.2 m."""
-AISLE = {"name": "aisle", "polygon": RECTANGLE, "one_way": 0}
-
-
-@pytest.mark.parametrize(
-    ("places", "back_m"),
-    [
-        ([(16.5, 11.0), (16.9, 11.0), (17.9, 11.0), (18.5, 11.0)], 0.0),  # with it
-        ([(17.9, 11.0), (17.55, 11.0), (18.2, 11.0)], 0.35),  # a little way in, and out again
-        ([(17.9, 11.0), (17.7, 11.0), (16.6, 11.0)], None),  # step by step
-        ([(17.0, 10.5), (16.9, 12.9)], 0.1),  # across
-        ([(16.5, 11.0), (17.5, 11.0), (16.3, 11.0)], 0.2),  # back to where it came in
-        ([(17.9, 11.0), (18.1, 11.0), (17.55, 11.0), (17.2, 11.0)], 0.35),  # two visits
-        ([(15.0, 11.0), (14.0, 11.0)], 0.0),  # elsewhere
-    ],
-)
-def test_how_far_a_robot_gets_against_a_zone(
-    lab: Lab, shape: dict[str, Any], places: list[Place], back_m: float | None
-) -> None:
-    result = run(lab, {"name": "aisle", "one_way": 0, **shape}, **SMALL)
-    put(result[1], 5, *places)
-    check = checks(result)["one-way zones"]
-    assert check.ok == (back_m is not None)
-    if back_m is not None:
-        assert check.detail.endswith(f"one-way zones, at most {back_m:.2f} m against them")
-    else:
-        went = "r1 went 1.300 m against aisle, where 1.107 m are allowed, by tick 7, at (16.600, 11.000)"
-        assert check.detail == went
-
-
-@pytest.mark.parametrize(("one_way", "back_m"), [(90, 0.0), (270, 0.2), (315, 0.14), (180, 0.0)])
-def test_each_direction_counts_along_itself(lab: Lab, one_way: int, back_m: float) -> None:
-    result = run(lab, {**AISLE, "one_way": one_way}, **SMALL)
-    put(result[1], 5, (17.0, 11.0), (17.0, 11.2), (3.0, 3.0))
-    detail = f"1 visits to 1 one-way zones, at most {back_m:.2f} m against them"
-    assert checks(result)["one-way zones"].detail == detail
-
-
-@pytest.mark.parametrize(
-    ("until", "detail"), [(2.0, ""), (9.0, "not judged: drift or motion faults acted on robots in")]
-)
-def test_where_a_fault_moves_the_robot_nothing_is_judged(lab: Lab, until: float, detail: str) -> None:
-    fault = {"kind": "motion", "who": "all", "speed": 0.3, "at": 1, "for": until - 1.0}
-    result = run(lab, AISLE, faults=[fault], **SMALL)
-    put(result[1], 5, (17.9, 11.0), (16.6, 11.0), (3.0, 3.0))
-    check = checks(result)["one-way zones"]
-    assert (check.judged, check.ok) == (not detail, bool(detail))
-    assert check.detail.startswith(detail or "r1 went 1.300 m against aisle")
-
-
-def test_a_robot_that_appears_at_its_start_has_not_driven_back(lab: Lab) -> None:
-    """Its start lies at the lower end of the zone. It is carried off and started between two ticks."""
-    zone = {"name": "aisle", "polygon": [[2.5, 2.0], [8.0, 2.0], [8.0, 4.0], [2.5, 4.0]], "one_way": 0}
-    at_once = {"who": "r1", "at": 3.0}
-    result = run(
-        lab, zone, faults=[{"kind": "kill", "wreck": "removed", **at_once}, {"kind": "restart", **at_once}], **SMALL
-    )
-    put(result[1], 0, *[(7.0, 3.0)] * 6, (3.0, 3.0))
-    check = checks(result)["one-way zones"]
-    assert (check.ok, check.detail) == (True, "2 visits to 1 one-way zones, at most 0.00 m against them")
 
 
 # --- the times of zones ----------------------------------------------------------------------------------------------

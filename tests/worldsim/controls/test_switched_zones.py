@@ -188,16 +188,7 @@ def test_what_is_refused_in_one_line(control: dict[str, Any], problem: str) -> N
     assert "\n" not in str(caught.value)
 
 
-LANE = STAIRS | {"name": "lane", "keep_out": None, "one_way": 90}
-
-
-@pytest.mark.parametrize(
-    ("zones", "name", "problem"),
-    [
-        ([LANE], "lane", "name = lane: a one-way zone always holds; only other zones can be switched"),
-        ([], "vault", "control: name = vault: this run has no zones"),
-    ],
-)
+@pytest.mark.parametrize(("zones", "name", "problem"), [([], "vault", "control: name = vault: this run has no zones")])
 def test_other_sites_are_refused_too(zones: list[dict[str, Any]], name: str, problem: str) -> None:
     with pytest.raises(BadInput, match=problem):
         amended(load_scenario(SITE | {"zones": zones}), 5, read_control(switch(name, False)))
