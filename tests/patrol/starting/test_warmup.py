@@ -138,6 +138,13 @@ def test_a_default_run_loads_no_kernels_that_are_needed_seldom() -> None:
     assert run.stdout == "\n"
 
 
+@pytest.mark.parametrize("module", ["fogwatch.api", "worldsim.process", "agent.own_robot", "monitor.process"])
+def test_what_compiles_the_kernels_imports_none_before(module: str) -> None:
+    code = f"import sys, {module}; print('numba' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "False\n"
+
+
 def test_python_without_docstrings_has_entries_of_its_own(toy: Path) -> None:
     source_of(toy).write_text(KERNEL.replace("    return", '    """Return twice n."""\n    return'), encoding="utf-8")
     hits = [said(start(IMPORT, PYTHONOPTIMIZE=level)) for level in ("", "2", "", "2")]
