@@ -1,4 +1,4 @@
-"""``python -m patrol.starting.compile_worker``: compiles kernel modules, one after another.
+"""``python -m patrol.starting.compile_worker NICENESS``: compiles kernel modules, one after another.
 
 Each line on the standard input is a JSON array of a module's name and its file. Each line on the standard output
 answers one of them, with a JSON string that is empty or says what went wrong. `patrol.starting.compiling`
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ OBJECTS = 50_000
 def main() -> None:
     """Compile what the parent names until it names no more."""
     die_when_orphaned(None)
+    os.nice(int(sys.argv[1]))
     gc.set_threshold(OBJECTS)
     numbas: Any = dispatcher
     numbas._FunctionCompiler._customize_flags = _leave_out_c_entry
