@@ -88,12 +88,13 @@ PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
 COSTS = types.Array(types.float64, 1, "C")
+STATE = types.Array(uint64, 1, "C")
 
 LONGEST_MOVE = 3
 """Stations that one move puts elsewhere, at most."""
 
 
-@njit(cache=True, nogil=True)
+@njit(int64(STATE, int64), cache=True, nogil=True)
 def _draw_below(state, limit):
     """Draw an integer from 0 to limit - 1 (splitmix64)."""
     # All constants are uint64: together with an int64, numba would make a float of it.
@@ -106,7 +107,7 @@ def _draw_below(state, limit):
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
-@njit(cache=True, nogil=True)
+@njit(float64(COUNTS, int64, int64, TIMES, TIMES, ROW), cache=True, nogil=True)
 def _cost(route, count, robot, leads, apart, ages):
     """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
     cost, arrival = 0.0, 0.0
@@ -120,7 +121,7 @@ def _cost(route, count, robot, leads, apart, ages):
     return cost
 
 
-@njit(cache=True, nogil=True)
+@njit(float64(ROUTES, COUNTS, PINNED, *INPUTS, int64, STATE), cache=True, nogil=True)
 def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
