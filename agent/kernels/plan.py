@@ -77,6 +77,39 @@ def oldest_ages(points, begins, patrolled, last_seen, tick, step, witnesses, age
         ages[station] = (tick - since) * step
 
 
+PLACES = types.Array(types.float64, 2, "C", readonly=True)
+WAYS = types.Array(types.float64, 2, "C")
+
+
+@njit(types.void(PLACES, POINTS, PLACES, PLACES, float64, float64, WAYS), cache=True, nogil=True)
+def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
+    """Find about how long a robot takes from each of some places to each station.
+
+    That is the mean of the way by the station from which a place is seen and of the shortest way that there could be.
+
+    Args:
+        places: float64 (n, 2), x and y in m.
+        seen_from: int64 (n,), the station from which each place is seen; below 0 for the nearest one.
+        spots: float64 (stations, 2), x and y of each in m.
+        apart: float64 (stations, stations), how long the way from each to each is, m.
+        longest: Longest way that counts, m.
+        pace: Time for a way of one metre, s.
+        ways: float64 (n, stations), overwritten: s.
+    """
+    away = np.empty(spots.shape[0])
+    for i in range(places.shape[0]):
+        nearest = 0
+        for k in range(spots.shape[0]):
+            across, up = spots[k, 0] - places[i, 0], spots[k, 1] - places[i, 1]
+            away[k] = math.sqrt(across * across + up * up)
+            nearest = k if away[k] < away[nearest] else nearest
+        station = seen_from[i] if seen_from[i] >= 0 else nearest
+        first = away[station]
+        for k in range(spots.shape[0]):
+            around = min(apart[station, k] + first, longest)
+            ways[i, k] = 0.5 * (around + max(away[k], apart[station, k] - first)) * pace
+
+
 ROUTES = types.Array(types.int64, 2, "C")
 COUNTS = types.Array(types.int64, 1, "C")
 NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
