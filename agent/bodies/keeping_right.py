@@ -178,7 +178,7 @@ class KeepingRight:
         self._others = self._motions.note(robots, view.tick, here)
         self._own = self._others.pop(self._number)
         late = robots.ticks - robots.sequences
-        if not (late > 0).any():
+        if not np.count_nonzero(late > 0):  # faster than `any`
             self._predicted, self._predictions = {}, None
             return
         if self._predictions is None:

@@ -71,8 +71,8 @@ OFF_COURSE = 0.1
 ASKEW = 0.05
 """Largest difference of its heading from the expected one, rad."""
 
-MOST_KEPT = 2**17
-"""Points of the largest box whose paths are kept for the next search, so that a fleet's take little memory."""
+MOST_KEPT, MOST_POINTS = 64, 2**16
+"""Goals to which the robots of a process keep paths, since they search again and again, and points of each box."""
 
 MARGIN = 8.0
 """Length beyond twice the direct way, in turning radii, up to which ways to a place count."""
@@ -180,8 +180,6 @@ class Manoeuvres:
         self._place: Spot | None = None
         self._exact = False
         self._expected: Pose | None = None
-        # Paths to a point of the ground with nothing closed, and its one-way zones.
-        self._known: tuple[tuple[int, int], NDArray[np.uint8], BoxPaths] = (-1, -1), terrain.against, NO_PATHS
 
     def drop(self) -> None:
         """Forget the arcs that were found."""
@@ -257,15 +255,15 @@ class Manoeuvres:
         margin = MARGIN * turning
         # A bound, since a search over the whole terrain would take long and a detour is seldom longer.
         within = 2.0 * math.dist((pose.x, pose.y), place) + margin
-        paths = self._paths_to(goal, ground, within)
+        paths = _paths_to(goal, ground, within)
         if paths.length_to(*here) == FAR:
-            paths = self._paths_to(goal, ground, math.inf)
+            paths = _paths_to(goal, ground, math.inf)
         if paths.length_to(*here) == FAR:
             return
         first = paths.length_to(*here) * (point / 100.0)
         # A way that winds needs room for ways around it, or no arc off the shortest way would count.
         if paths.limit < LONGEST and first + margin > within:
-            paths = self._paths_to(goal, ground, first + margin)
+            paths = _paths_to(goal, ground, first + margin)
         # The search measures where arcs end from the point of the pose as others hear it. Measured from another point,
         # where the body is might be no nearer than where it began, search after search.
         reported = view.point_of((view.reported.x, view.reported.y))
@@ -278,21 +276,6 @@ class Manoeuvres:
         # Half of the way at most, or a search from close by would end where it begins.
         near = ON_IT * point if exact else min(self._near, 0.5 * first)
         self._search_arcs(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
-
-    def _paths_to(self, point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
-        """Find the paths of at most `within` m to a point of the terrain.
-
-        Where nothing is closed, those that were found last are kept: a body searches again and again on its way.
-        """
-        limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
-        known_to, against, known = self._known
-        if known_to == point and against is ground.against and limit <= known.limit and ground.static is ground:
-            return known._replace(limit=limit)
-        box = box_around(point, limit // 100 + 1, ground.terrain.shape)
-        paths = paths_in(ground, [point], box, limit, back=True)
-        if ground.static is ground and paths.length.size <= MOST_KEPT:
-            self._known = point, ground.against, paths
-        return paths
 
     def _search_arcs(
         self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float
@@ -356,3 +339,19 @@ class Manoeuvres:
         if closed is None or (self._terrain.inside(*here) and closed[here]):
             return np.zeros((0, 0), dtype=np.uint8)
         return closed.view(np.uint8)
+
+
+def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
+    """Find the paths of at most `within` m to a point of the terrain; they are kept where nothing is closed."""
+    limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
+    known_paths, key = ground.kept, (point, ground.against.size)
+    known = known_paths.get(key, NO_PATHS)
+    if limit <= known.limit:
+        return known._replace(limit=limit)
+    box = box_around(point, limit // 100 + 1, ground.terrain.shape)
+    paths = paths_in(ground, [point], box, limit, back=True)
+    if paths.length.size <= MOST_POINTS:
+        if len(known_paths) >= MOST_KEPT:
+            del known_paths[next(iter(known_paths))]
+        known_paths[key] = paths
+    return paths
