@@ -31,7 +31,8 @@ second one first it would cost 0.2 s more, with the third one 2 s. With a spread
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,6 +115,9 @@ class Part:
     until: int = 0  # tick from which on the station is taken as given up
     oldest: int = 0  # number in the round of the station's oldest point, when all were looked at last
     least_way_s: float = math.inf  # shortest way to the station that the robot has had since
+
+
+_FIELDS_OF_PART = attrgetter(*(member.name for member in fields(Part)))
 
 
 @dataclass(slots=True, eq=False)
@@ -309,7 +313,8 @@ class JointPlan:
         leads = self._known.ways_s(view, spots)
         if robots != sorted(before.parts) or period != before.period:
             return self._begin_plan(view, period, robots, leads)
-        plan = replace(before, parts={number: replace(part) for number, part in before.parts.items()})
+        parts = {number: Part(*_FIELDS_OF_PART(part)) for number, part in before.parts.items()}
+        plan = FleetPlan(parts, before.period, before.least_s)
         arrived = self._list_arrived(view, plan, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [

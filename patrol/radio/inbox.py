@@ -191,7 +191,7 @@ class Inboxes:
 
     def rejected(self, number: int) -> int:
         """Count the frames that a listener has refused so far."""
-        return int(self._refused[self._row[number]].sum())
+        return sum(self._refused[self._row[number]].tolist())
 
     def peers(self, number: int, since: int = 0) -> Peers:
         """Return the robots that a listener has heard at a tick or later."""
