@@ -30,7 +30,8 @@ from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.security.private_files import fleet_key
-from patrol.starting.warmup import seldom_kernels, warm
+from patrol.starting.compiling import compiling_meanwhile
+from patrol.starting.warmup import missing_kernels, seldom_kernels, warm
 
 if TYPE_CHECKING:
     from patrol.journal import Event, Journal, TickRecord
@@ -49,6 +50,9 @@ LARGE_POINTS = 500_000
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PACKAGES = ("patrol", "agent", "worldsim")
+"""Packages whose kernels a run needs to begin."""
+LATER = ("experiments", "monitor")
+"""Packages whose kernels recordings, reports and pages need; a page compiles the second itself."""
 
 
 @dataclass(frozen=True)
@@ -146,15 +150,15 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
     watched = options.recording or options.report or options.page
-    packages = (*PACKAGES, "monitor", "experiments") if watched else PACKAGES
-    warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
+    warm(PACKAGES, options.display.say, seldom_kernels(scenario), options.show_kernels)
     find_classes([scenario], record=True)
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)
         resolved = with_notes(folder.load(), scenario.translated, scenario.assumed)
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
-        return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
+        with compiling_meanwhile(missing_kernels(LATER) if watched else {}):
+            return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
         has_begun = folder.journal.exists()  # the ticks of a run that has begun are kept
         if folder.path.exists() and not has_begun and not isinstance(error, PolicyNotMade):

@@ -198,6 +198,8 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
         keep_freed_memory(KEPT)
         if options.replay is not None:
             check_runs(options.replay)
+        else:
+            os.nice(NICENESS)  # before threads start: they keep their own priority
         warm(("patrol", "monitor"), Log("monitor", "").info)
         if options.replay is not None:
             from monitor.replay.player import open_player
@@ -205,7 +207,6 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
             return [open_player(run, options.key) for run in options.replay]
         from monitor.live.attach import open_fleet
 
-        os.nice(NICENESS)  # before threads start: they keep their own priority
         fleet = open_fleet(
             ending,
             access=options.access,

@@ -26,7 +26,6 @@ from patrol.ground.left_out import LeftOut, left_out
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
-from patrol.radio.inbox import Inboxes, Rules
 from patrol.scenario.sections import VERTICES
 from patrol.tours.round import Round
 from patrol.zones.checks import check_zones_on_ground
@@ -36,6 +35,7 @@ from patrol.zones.ground import with_zones
 if TYPE_CHECKING:
     from patrol.graph import Graph
     from patrol.journal.records import Event
+    from patrol.radio.inbox import Inboxes
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
     from patrol.scenario.checked import CheckedGround
@@ -235,6 +235,8 @@ def inboxes_of(
     `bounds` are the terrain's (x_min, y_min, x_max, y_max) in m, and `key` is None when the fleet uses no tags. A fleet
     `knows_ticks` where its robots' clocks show the time since its first tick.
     """
+    from patrol.radio.inbox import Inboxes, Rules  # here: it loads kernels, which a launcher compiles first
+
     fastest = max(spec.speed for spec in scenario.roster)
     numbers = tuple(spec.number for spec in scenario.roster)
     ahead = (0 if scenario.factor is None else TICKS_APART) if knows_ticks else None

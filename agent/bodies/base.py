@@ -145,7 +145,8 @@ class BodyBase(ABC):
         room = right.room(choice.command, view)
         if room > 0.0:
             self._stops = 0
-            return replace(choice, command=slowed(choice.command, room * choice.command.speed_mps))
+            command = slowed(choice.command, room * choice.command.speed_mps)
+            return choice if command is choice.command else replace(choice, command=command)
         # A real bump shows that the other is there, so the patience with its position begins anew.
         self._stops = 1 if bumped else self._stops + 1
         return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from agent.kernels.manoeuvre import CLEARANCE, search
 from agent.routes.path_window import FAR
-from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
+from agent.routes.wave import LONGEST, NO_PATHS, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Twist
 from patrol.radio.message import CM_PER_M
@@ -70,6 +70,9 @@ OFF_COURSE = 0.1
 
 ASKEW = 0.05
 """Largest difference of its heading from the expected one, rad."""
+
+MOST_KEPT, MOST_POINTS = 64, 2**16
+"""Goals to which the robots of a process keep paths, since they search again and again, and points of each box."""
 
 MARGIN = 8.0
 """Length beyond twice the direct way, in turning radii, up to which ways to a place count."""
@@ -218,7 +221,7 @@ class Manoeuvres:
     def _is_closed_ahead(self, view: View) -> bool:
         """Return True if the next step leads from open ground onto a point that has been closed since the search."""
         pose, ground = view.pose, view.ground
-        if not self._plan or ground.is_closed(*view.point_of((pose.x, pose.y))):
+        if not self._plan or ground.static is ground or ground.is_closed(*view.point_of((pose.x, pose.y))):
             return False
         # Half-way too: a step may pass over a closed point and end beyond it.
         ends = (advance(pose, self._plan[0], share * self._step) for share in (0.5, 1.0))
@@ -333,6 +336,16 @@ class Manoeuvres:
 
 
 def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
-    """Find the paths of at most `within` m to a point of the terrain."""
+    """Find the paths of at most `within` m to a point of the terrain; they are kept where nothing is closed."""
     limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
-    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit)
+    known_paths = ground.kept
+    known = known_paths.get(point, NO_PATHS)
+    if limit <= known.limit:
+        return known._replace(limit=limit)
+    box = box_around(point, limit // 100 + 1, ground.terrain.shape)
+    paths = paths_in(ground, [point], box, limit)
+    if paths.length.size <= MOST_POINTS:
+        if len(known_paths) >= MOST_KEPT:
+            del known_paths[next(iter(known_paths))]
+        known_paths[point] = paths
+    return paths

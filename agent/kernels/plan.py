@@ -77,6 +77,39 @@ def oldest_ages(points, begins, patrolled, last_seen, tick, step, witnesses, age
         ages[station] = (tick - since) * step
 
 
+PLACES = types.Array(types.float64, 2, "C", readonly=True)
+WAYS = types.Array(types.float64, 2, "C")
+
+
+@njit(types.void(PLACES, POINTS, PLACES, PLACES, float64, float64, WAYS), cache=True, nogil=True)
+def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
+    """Find about how long a robot takes from each of some places to each station.
+
+    That is the mean of the way by the station from which a place is seen and of the shortest way that there could be.
+
+    Args:
+        places: float64 (n, 2), x and y in m.
+        seen_from: int64 (n,), the station from which each place is seen; below 0 for the nearest one.
+        spots: float64 (stations, 2), x and y of each in m.
+        apart: float64 (stations, stations), how long the way from each to each is, m.
+        longest: Longest way that counts, m.
+        pace: Time for a way of one metre, s.
+        ways: float64 (n, stations), overwritten: s.
+    """
+    away = np.empty(spots.shape[0])
+    for i in range(places.shape[0]):
+        nearest = 0
+        for k in range(spots.shape[0]):
+            across, up = spots[k, 0] - places[i, 0], spots[k, 1] - places[i, 1]
+            away[k] = math.sqrt(across * across + up * up)
+            nearest = k if away[k] < away[nearest] else nearest
+        station = seen_from[i] if seen_from[i] >= 0 else nearest
+        first = away[station]
+        for k in range(spots.shape[0]):
+            around = min(apart[station, k] + first, longest)
+            ways[i, k] = 0.5 * (around + max(away[k], apart[station, k] - first)) * pace
+
+
 ROUTES = types.Array(types.int64, 2, "C")
 COUNTS = types.Array(types.int64, 1, "C")
 NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
@@ -88,12 +121,14 @@ PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
 COSTS = types.Array(types.float64, 1, "C")
+NOTED = types.Array(types.float64, 2, "C")
+STATE = types.Array(types.uint64, 1, "C")
 
 LONGEST_MOVE = 3
 """Stations that one move puts elsewhere, at most."""
 
 
-@njit(cache=True, nogil=True)
+@njit(int64(STATE, int64), cache=True, nogil=True)
 def _draw_below(state, limit):
     """Draw an integer from 0 to limit - 1 (splitmix64)."""
     # All constants are uint64: together with an int64, numba would make a float of it.
@@ -106,21 +141,44 @@ def _draw_below(state, limit):
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
-@njit(cache=True, nogil=True)
-def _cost(route, count, robot, leads, apart, ages):
-    """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
-    cost, arrival = 0.0, 0.0
-    for i in range(count):
-        here = route[i]
-        arrival = leads[robot, here] if i == 0 else arrival + apart[route[i - 1], here]
+@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, NOTED, NOTED), cache=True, nogil=True)
+def _cost(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals):
+    """Return the cost of a robot's route with another tail, `tail[since:count]`.
+
+    That is the sum of the eighth powers of the stations' ages when the robot visits them.
+    """
+    cost, arrival = costs[robot, since], arrivals[robot, since]
+    before = routes[robot, max(since - 1, 0)]
+    for k in range(since, count):
+        here = tail[k]
+        arrival = leads[robot, here] if k == 0 else arrival + apart[before, here]
         age = ages[here] + arrival
         square = age * age
         fourth = square * square
         cost += fourth * fourth  # the oldest stations count most, and do not count alone
+        before = here
     return cost
 
 
-@njit(cache=True, nogil=True)
+@njit(
+    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, NOTED, NOTED, COUNTS, COUNTS),
+    cache=True,
+    nogil=True,
+)
+def _note(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals, owner, position):
+    """Give a robot's route another tail, as of `_cost`; note whose its stations are, and what they cost up to each."""
+    for k in range(since, count):
+        here = tail[k]
+        routes[robot, k] = here
+        owner[here], position[here] = robot, k
+        arrival = leads[robot, here] if k == 0 else arrivals[robot, k] + apart[routes[robot, k - 1], here]
+        age = ages[here] + arrival
+        square = age * age
+        fourth = square * square
+        costs[robot, k + 1], arrivals[robot, k + 1] = costs[robot, k] + fourth * fourth, arrival
+
+
+@njit(float64(ROUTES, COUNTS, PINNED, *INPUTS, int64, STATE), cache=True, nogil=True)
 def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
@@ -128,12 +186,12 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     two routes. The first station of a pinned route stays.
     """
     robots, size = routes.shape[0], ages.size
-    cost = np.zeros(robots)
     owner, position = np.zeros(size, np.int64), np.zeros(size, np.int64)
+    # Of as many of a route's first stations as the index says: their cost, and when the last is visited.
+    costs, arrivals = np.zeros((robots, size + 1)), np.zeros((robots, size + 1))
     for r in range(robots):
-        cost[r] = _cost(routes[r], counts[r], r, leads, apart, ages)
-        for i in range(counts[r]):
-            owner[routes[r, i]], position[routes[r, i]] = r, i
+        _note(routes, r, routes[r], 0, counts[r], leads, apart, ages, costs, arrivals, owner, position)
+    # What a move puts behind the stations that stay, at the places where it would stand.
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
         u = _draw_below(state, size)
@@ -141,72 +199,67 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
         r, q, i, j = owner[u], owner[v], position[u], position[v]
         kind = _draw_below(state, 4)
         first_free, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
-        first_count = second_count = 0
+        first_count, second_count, first_since = 0, counts[q], 0
         if kind < 2:  # put stations from u on behind v
             count = min(1 + _draw_below(state, LONGEST_MOVE), counts[r] - i)
             # A run of stations cannot be put behind one of its own.
             if i < first_free or (r == q and i <= j < i + count):
                 continue
             turned = _draw_below(state, 2) == 1
+            second_since = block = j + 1
             if r != q:
-                for k in range(counts[r]):
-                    if k < i or k >= i + count:
-                        first[first_count] = routes[r, k]
-                        first_count += 1
-            for k in range(counts[q]):
-                if r != q or k < i or k >= i + count:
-                    second[second_count] = routes[q, k]
-                    second_count += 1
-                if k == j:
-                    for m in range(count):
-                        second[second_count] = routes[r, i + (count - 1 - m if turned else m)]
-                        second_count += 1
+                first_since, first_count, second_count = i, counts[r] - count, counts[q] + count
+                for k in range(i, first_count):
+                    first[k] = routes[r, k + count]
+                for k in range(j + 1, counts[q]):
+                    second[k + count] = routes[q, k]
+            elif j < i:
+                for k in range(j + 1, i):
+                    second[k + count] = routes[r, k]
+                for k in range(i + count, counts[r]):
+                    second[k] = routes[r, k]
+            else:
+                second_since, block = i, j + 1 - count
+                for k in range(i, block):
+                    second[k] = routes[r, k + count]
+                for k in range(j + 1, counts[r]):
+                    second[k] = routes[r, k]
+            for k in range(count):
+                second[block + k] = routes[r, i + (count - 1 - k if turned else k)]
         elif r == q:  # reverse
             # Kind 2 leaves the earlier of the two where it is, kind 3 turns it as well.
             low, high = min(i, j) + (kind == 2), max(i, j)
-            low = max(low, first_free)
+            second_since = low = max(low, first_free)
             if high <= low:
                 continue
-            for k in range(counts[r]):
-                second[k] = routes[r, low + high - k] if low <= k <= high else routes[r, k]
-            second_count = counts[r]
+            for k in range(low, counts[r]):
+                second[k] = routes[r, low + high - k if k <= high else k]
         else:  # v follows u, and what followed u follows what came before v
-            j = max(j, least_other)
-            for k in range(i + 1):
-                first[first_count] = routes[r, k]
-                first_count += 1
-            for k in range(j, counts[q]):
-                first[first_count] = routes[q, k]
-                first_count += 1
-            for k in range(j):
-                second[second_count] = routes[q, k]
-                second_count += 1
-            for k in range(i + 1, counts[r]):
-                second[second_count] = routes[r, k]
-                second_count += 1
+            second_since = j = max(j, least_other)
+            first_since = i + 1
+            first_count, second_count = first_since + counts[q] - j, j + counts[r] - first_since
+            for k in range(first_since, first_count):
+                first[k] = routes[q, k - first_since + j]
+            for k in range(j, second_count):
+                second[k] = routes[r, k - j + first_since]
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
-        new = _cost(second, second_count, q, leads, apart, ages)
-        old = cost[q]
-        first_cost = 0.0
+        old = costs[q, counts[q]]
+        new = _cost(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals)
         if r != q:
-            first_cost = _cost(first, first_count, r, leads, apart, ages)
-            old += cost[r]
+            old += costs[r, counts[r]]
+            new += _cost(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals)
         # A plan of the same cost is taken too: it may lead on to better ones.
-        if new + first_cost > old:
+        if new > old:
             continue
-        cost[q], counts[q] = new, second_count
-        for k in range(second_count):
-            routes[q, k] = second[k]
-            owner[second[k]], position[second[k]] = q, k
+        counts[q] = second_count
+        _note(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals, owner, position)
         if r != q:
-            cost[r], counts[r] = first_cost, first_count
-            for k in range(first_count):
-                routes[r, k] = first[k]
-                owner[first[k]], position[first[k]] = r, k
+            counts[r] = first_count
+            _note(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals, owner, position)
     total = 0.0
     for r in range(robots):
-        total += cost[r]
+        total += costs[r, counts[r]]
     return total
 
 

@@ -218,7 +218,8 @@ def settle(state, sight, length, bend, starts, limit, top, bottom, left, right, 
     while waiting > 0:
         if 8 * waiting > soon.size:
             lists = np.empty((2, 16 * waiting), dtype=np.uint32)
-            lists[0, :waiting] = now[:waiting]
+            for place in range(waiting):
+                lists[0, place] = now[place]
             now, soon = lists[0], lists[1]
         end += 100
         count = 0
@@ -299,7 +300,10 @@ def framed_box(state, top, bottom, left, right):
     """
     height, width = bottom - top, right - left
     box = np.zeros((height + 2, width + 2), dtype=np.uint8)
-    box[1 : height + 1, 1 : width + 1] = state[top + 1 : bottom + 1, left + 1 : right + 1]
+    for row in range(1, height + 1):
+        copy, line = box[row, 1 : width + 1], state[top + row, left + 1 : right + 1]
+        for k in range(width):
+            copy[k] = line[k]
     return box
 
 

@@ -31,13 +31,14 @@ second one first it would cost 0.2 s more, with the third one 2 s. With a spread
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.plan import compare, improve, oldest_ages, weighted_ages
+from agent.kernels.plan import compare, guess_ways, improve, oldest_ages, weighted_ages
 from agent.policies.pursuit import STILL_STALE, Target
 from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from patrol.measures.best_tour import most_planned
@@ -116,6 +117,9 @@ class Part:
     least_way_s: float = math.inf  # shortest way to the station that the robot has had since
 
 
+_FIELDS_OF_PART = attrgetter(*(member.name for member in fields(Part)))
+
+
 @dataclass(slots=True, eq=False)
 class FleetPlan:
     """The plan of all robots as of one tick. Robots of one process that have worked out the same one share it."""
@@ -187,14 +191,10 @@ class KnownStations:
 
     def ways_s(self, view: View, places: Sequence[Spot]) -> NDArray[np.float64]:
         """Return about how long a robot takes from each of some places to each station, float64 (places, stations)."""
-        x, y = np.array(places).T[:, :, None]
-        away = np.sqrt((self._spots[:, 0] - x) ** 2 + (self._spots[:, 1] - y) ** 2)
-        seen_from = [int(self._stations.around[view.point_of(place)]) for place in places]
-        stations = [here if here >= 0 else int(row.argmin()) for here, row in zip(seen_from, away, strict=True)]
-        apart, first = self._apart_m[stations], away[np.arange(len(stations)), stations][:, None]
-        # The way by the station from which the place is seen, and the shortest that there could be.
-        longest = np.minimum(apart + first, NO_WAY_M)
-        return np.asarray(0.5 * (longest + np.maximum(away, apart - first)) * self._pace)
+        seen_from = np.array([self._stations.around[view.point_of(place)] for place in places], dtype=np.int64)
+        ways = np.empty((len(places), len(self)))
+        guess_ways(np.array(places), seen_from, self._spots, self._apart_m, NO_WAY_M, self._pace, ways)
+        return ways
 
     def visit(self, view: View, station: int, given_up: GivenUp) -> Target | None:
         """Return the oldest point of a station that the robot has not given up; None where there is none."""
@@ -275,9 +275,9 @@ class JointPlan:
         """Go on with the plan; return True if no station is left for the robot, so that it chooses freely."""
         before = self.station
         self._go_on(view)
-        if self.station != before:
+        if (station := self.station) != before:
             pursuit.target = None
-        return self.station is None
+        return station is None
 
     def _go_on(self, view: View) -> None:
         """Draw the next station of each robot that has seen its own."""
@@ -313,7 +313,8 @@ class JointPlan:
         leads = self._known.ways_s(view, spots)
         if robots != sorted(before.parts) or period != before.period:
             return self._begin_plan(view, period, robots, leads)
-        plan = replace(before, parts={number: replace(part) for number, part in before.parts.items()})
+        parts = {number: Part(*_FIELDS_OF_PART(part)) for number, part in before.parts.items()}
+        plan = FleetPlan(parts, before.period, before.least_s)
         arrived = self._list_arrived(view, plan, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [

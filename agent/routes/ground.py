@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from agent.kernels.ground import close_discs, open_elements
 from agent.kernels.wave import encode
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import BoolGrid, Terrain
+
+if TYPE_CHECKING:
+    from agent.routes.wave import BoxPaths
 
 Spot = tuple[float, float]
 """x and y in m."""
@@ -108,6 +112,7 @@ class _Shared:
         self._plain = _Grids(terrain, reach)
         self._spare: _Grids | None = None
         self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
+        self.kept: dict[object, BoxPaths] = {}
 
     def grids(self, closed: Closed) -> _Grids:
         """Return the grids with something closed, as they are until others are asked for."""
@@ -169,6 +174,11 @@ class Ground:
     def static(self) -> Ground:
         """The same ground with nothing closed."""
         return self if self._closed is NOTHING else self._with(NOTHING)
+
+    @property
+    def kept(self) -> dict[object, BoxPaths]:
+        """Paths that all grounds over these grids keep, as long as nothing is closed on them; else empty."""
+        return self._shared.kept if self._closed is NOTHING else {}
 
     @property
     def _grids(self) -> _Grids:

@@ -38,13 +38,14 @@ class BoxPaths(NamedTuple):
     bend: NDArray[np.int32]  # (m, n), flat index into the box of each path's first bend; size 0 unless asked for
     row0: int  # row of the terrain under row 0
     col0: int  # column of the terrain under column 0
-    limit: int  # longest path that is known, in hundredths of a point
+    limit: int  # longest path that counts as known, in hundredths of a point
 
     def length_to(self, row: int, col: int) -> int:
-        """Return the length of the path to a point (row, col) of the terrain; `FAR` where none is known."""
+        """Return the length of the path to a point (row, col) of the terrain; `FAR` for none within the limit."""
         up, across = row - self.row0, col - self.col0
         inside = 0 <= up < self.length.shape[0] and 0 <= across < self.length.shape[1]
-        return int(self.length[up, across]) if inside else FAR
+        length = int(self.length[up, across]) if inside else FAR
+        return length if length <= self.limit else FAR
 
 
 NO_PATHS = BoxPaths(NO_BENDS, NO_BENDS, 0, 0, 0)

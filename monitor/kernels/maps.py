@@ -112,7 +112,8 @@ def take_over(now, shown, versions, side, version, tiles, counts, values, length
                     lengths[runs] = length
                     runs += 1
                 run, length = value, 1
-            old[:] = fresh
+            for c in range(fresh.size):  # an assignment to the slice takes four times as long to compile
+                old[c] = fresh[c]
         if runs == first and run == KEEP:  # nothing changed
             continue
         values[runs] = run

@@ -139,6 +139,8 @@ class Terrain:
         """
         row, col = self.point_at(x, y)
         rows, cols = self.shape
+        if 0 <= row < rows and 0 <= col < cols:  # nearly always
+            return row, col
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:

@@ -290,10 +290,14 @@ def free_arc(blocked, point, ox, oy, x, y, heading, distance, turn, radius):
     cx, cy = x - ring * math.sin(heading), y + ring * math.cos(heading)
     # Half a square's diagonal turns its centre's distance into bounds on its nearest place's.
     reach = radius + SAGITTA + 0.7072 * point
-    low_row = max(math.floor((path[:, 1].min() - radius - oy) / point), 0)
-    high_row = min(math.floor((path[:, 1].max() + radius - oy) / point), height - 1)
-    low_col = max(math.floor((path[:, 0].min() - radius - ox) / point), 0)
-    high_col = min(math.floor((path[:, 0].max() + radius - ox) / point), width - 1)
+    x_min, x_max, y_min, y_max = x, x, y, y
+    for i in range(1, path.shape[0]):
+        x_min, x_max = min(x_min, path[i, 0]), max(x_max, path[i, 0])
+        y_min, y_max = min(y_min, path[i, 1]), max(y_max, path[i, 1])
+    low_row = max(math.floor((y_min - radius - oy) / point), 0)
+    high_row = min(math.floor((y_max + radius - oy) / point), height - 1)
+    low_col = max(math.floor((x_min - radius - ox) / point), 0)
+    high_col = min(math.floor((x_max + radius - ox) / point), width - 1)
     for row in range(low_row, high_row + 1):
         low = oy + row * point
         for col in range(low_col, high_col + 1):

@@ -191,7 +191,7 @@ class Inboxes:
 
     def rejected(self, number: int) -> int:
         """Count the frames that a listener has refused so far."""
-        return int(self._refused[self._row[number]].sum())
+        return sum(self._refused[self._row[number]].tolist())
 
     def peers(self, number: int, since: int = 0) -> Peers:
         """Return the robots that a listener has heard at a tick or later."""
@@ -304,7 +304,7 @@ class Peers(Mapping[int, Peer]):
     @property
     def is_late(self) -> bool:
         """True if the newest frame of one of them had been on its way for a tick or longer when it came."""
-        return bool((self._is_known & (self._cells["at"] > self._cells["sequence"])).any())
+        return bool(np.count_nonzero(self._is_known & (self._cells["at"] > self._cells["sequence"])))
 
     @property
     def columns(self) -> Columns:

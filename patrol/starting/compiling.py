@@ -12,8 +12,8 @@ import selectors
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +23,8 @@ from patrol.starting.environment import own_environment
 WORKER = "patrol.starting.compile_worker"
 MOST_WORKERS = 8
 """More processes gain little: the slowest modules alone take as long."""
+NICENESS = 19
+"""Difference by which the priority of a process is lower that compiles while a fleet runs."""
 LOOK_S = 0.5
 """Time between two looks at the clock."""
 
@@ -49,10 +51,10 @@ class _Work:
 class _Worker:
     """A process that compiles one module at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, niceness: int = 0) -> None:
         # In a session of its own: Ctrl-C reaches the parent alone, which ends its workers.
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", WORKER],
+            [sys.executable, "-P", "-m", WORKER, str(niceness)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -126,6 +128,23 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
         finally:
             for worker in workers:
                 worker.end()
+
+
+@contextmanager
+def compiling_meanwhile(modules: Mapping[str, Path]) -> Iterator[None]:
+    """Compile kernel modules in a process of low priority, as many as it can until the end of the context.
+
+    It reports no errors: what it has not compiled is compiled when it is needed.
+    """
+    worker = _Worker(NICENESS) if modules else None
+    try:
+        if worker is not None:
+            for name, source in modules.items():
+                worker.give(_measure_work(name, source))
+        yield
+    finally:
+        if worker is not None:
+            worker.end()
 
 
 def _measure_work(name: str, source: Path) -> _Work:

@@ -88,21 +88,21 @@ def warm(
     Modules listed in `SELDOM` are left out, but for those in `also`. `say` takes a line when compiling or waiting takes
     time, and one with the progress every few seconds unless `show` shows it.
     """
-    files = {
+    if missing_kernels(packages, also):
+        with _lock_cache(cache_home(), say):
+            if todo := missing_kernels(packages, also):
+                say(COMPILING)
+                compile_modules(todo, show or _progress_lines(say))
+
+
+def missing_kernels(packages: Sequence[str], also: Collection[str] = ()) -> dict[str, Path]:
+    """List the modules of some packages that are not compiled, without those of `SELDOM` that are not in `also`."""
+    return {
         name: file
         for package in packages
         for name, file in kernel_files(package).items()
-        if name not in SELDOM or name in also
+        if (name not in SELDOM or name in also) and not is_stored(name, file)
     }
-
-    def missing() -> dict[str, Path]:
-        return {name: file for name, file in files.items() if not is_stored(name, file)}
-
-    if missing():
-        with _lock_cache(cache_home(), say):
-            if todo := missing():
-                say(COMPILING)
-                compile_modules(todo, show or _progress_lines(say))
 
 
 def kernel_files(package: str) -> dict[str, Path]:

@@ -62,7 +62,7 @@ class BodiesApart(Check):
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
         radii = [self._radii[robot.number] for robot in here]
-        i, j = first_overlap(places, np.array(radii, dtype=np.float64), SLACK)
+        i, j = first_overlap(places, np.array(radii, dtype=np.float64), np.argsort(places[:, 0]), SLACK)
         if i < len(here):
             pair = f"{self._name(here[i].number)} and {self._name(here[j].number)}"
             apart_m = math.dist(places[i], places[j])

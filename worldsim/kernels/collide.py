@@ -19,7 +19,7 @@ def near_others(discs):
     """Mark the discs that overlap at least one other disc; touching counts.
 
     Args:
-        discs: float64 (n, 3), x and y of the centres and the radii, m.
+        discs: float64 (n, 3), x and y of the centres and the radii, m, in the order of x.
 
     Returns:
         bool (n,).
@@ -29,11 +29,8 @@ def near_others(discs):
     widest = 0.0
     for i in range(count):
         widest = max(widest, discs[i, 2])
-    order = np.argsort(discs[:, 0])
-    for rank in range(count):
-        i = order[rank]
-        for next_rank in range(rank + 1, count):
-            j = order[next_rank]
+    for i in range(count):
+        for j in range(i + 1, count):
             if discs[j, 0] - discs[i, 0] > discs[i, 2] + widest:
                 break
             distance = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])
@@ -76,7 +73,8 @@ def cancel_meeting(paths, radii, stands):
     All pairs are judged before any body is stopped, so the result does not depend on the order of the bodies.
 
     Args:
-        paths: float64 (n, m + 1, 2), where each body would be at m + 1 equal steps of time, m.
+        paths: float64 (n, m + 1, 2), where each body would be at m + 1 equal steps of time, m, in the order of the
+            first x.
         radii: float64 (n,), m.
         stands: uint8 (n,), 1 for a body that stays at the start of its path; changed in place.
     """
@@ -92,14 +90,11 @@ def cancel_meeting(paths, radii, stands):
     for i in range(count):
         widest = max(widest, spread[i])
     # Sorted along x, the bodies that can meet one lie near it: none farther away than two of the widest.
-    order = np.argsort(paths[:, 0, 0])
     stopped = np.zeros(count, dtype=np.uint8)
     while True:
         changed = False
-        for rank in range(count):
-            i = order[rank]
-            for next_rank in range(rank + 1, count):
-                j = order[next_rank]
+        for i in range(count):
+            for j in range(i + 1, count):
                 if paths[j, 0, 0] - paths[i, 0, 0] > spread[i] + widest:
                     break
                 if stands[i] != 0 and stands[j] != 0:

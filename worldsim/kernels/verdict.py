@@ -13,17 +13,19 @@ from numba import njit, types
 
 
 @njit(
-    "UniTuple(i8, 2)(Array(f8, 2, 'C', True, aligned=True), Array(f8, 1, 'C', True, aligned=True), f8)",
+    "UniTuple(i8, 2)(Array(f8, 2, 'C', True, aligned=True), Array(f8, 1, 'C', True, aligned=True),"
+    "Array(i8, 1, 'C', True, aligned=True), f8)",
     cache=True,
     nogil=True,
     error_model="numpy",
 )
-def first_overlap(places, radii, slack):
+def first_overlap(places, radii, order, slack):
     """Find the first pair of bodies whose centres are nearer than the sum of their radii.
 
     Args:
         places: float64 (n, 2), x and y of the centres, m.
         radii: float64 (n,), m.
+        order: int64 (n,), the bodies in the order of x.
         slack: By how much they may be nearer all the same, m.
 
     Returns:
@@ -33,7 +35,6 @@ def first_overlap(places, radii, slack):
     widest = 0.0
     for i in range(count):
         widest = max(widest, radii[i])
-    order = np.argsort(places[:, 0])
     first, second = count, count
     for rank in range(count):
         i = order[rank]

@@ -128,8 +128,10 @@ def _cancel_meeting(
     A body goes no farther from where it is than its path is long. So paths are laid only for those whose discs, their
     radii and the lengths of their paths together, overlap another's.
     """
-    discs = [(body.pose.x, body.pose.y, body.spec.radius + ahead) for body, ahead in zip(bodies, far, strict=True)]
-    near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))).tolist()
+    reaches = [(body.pose.x, body.pose.y, body.spec.radius + ahead) for body, ahead in zip(bodies, far, strict=True)]
+    discs = np.array(reaches, dtype=np.float64).reshape(-1, 3)
+    order = np.argsort(discs[:, 0])
+    near = order[near_others(discs[order])].tolist()
     if not near:
         return
     pieces = max((chords(command, step) for command, moves in zip(commands, moving, strict=True) if moves), default=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TYPE_CHECKING, Any, cast
 
@@ -22,7 +22,7 @@ from worldsim.checks.check import CheckResult, JournalReading
 from worldsim.checks.fates import fault_of, kind_of
 
 if TYPE_CHECKING:
-    from patrol.journal import TickRecord
+    from patrol.journal import RobotTick, TickRecord
     from worldsim.checks.check import JudgedRun
 
 ROUNDING = 1e-9
@@ -30,6 +30,9 @@ ROUNDING = 1e-9
 
 LINKED = 64
 """Robots of the largest fleet whose links are in the summary."""
+
+TOGETHER = 256
+"""Rows of robots that are added up together, about."""
 
 Found = dict[tuple[str, ...], Any]
 """Figures by their places in the summary, such as ("robots", "r1", "distance_m")."""
@@ -49,49 +52,68 @@ class Figures(JournalReading):
         self._sent, self._delivered = np.zeros((2, size, size), dtype=np.int64)
         self._dropped = defaultdict[str, NDArray[np.int64]](lambda: np.zeros((size, size), dtype=np.int64))  # by cause
         self._by_fault = Counter[tuple[str, str]]()  # frames by fault and effect
-        self._statuses: list[str] = []
+        self._rows: Sequence[RobotTick] = ()  # those of the last tick
         self._slides = np.array([robot.model == "holonomic" for robot in run.journal.header.robots])
+        self._records: list[TickRecord] = []  # that are not yet added up
+        self._together = max(TOGETHER // size, 1)
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
         self._ticks.append((record.mfow * self._step, record.fog_mean * self._step, record.seen, len(record.forged)))
-        self._add_rows(record)
-        self._add_frames(record)
+        self._records.append(record)
+        if len(self._records) >= self._together:
+            self._add_records()
 
-    def _add_rows(self, record: TickRecord) -> None:
-        rows = record.robots
-        self._statuses = [row.status.name.lower() for row in rows]
-        decision_ms = np.array([math.nan if row.decision_ms is None else row.decision_ms for row in rows])
-        decided, alive = ~np.isnan(decision_ms), np.array([row.status is Status.ALIVE for row in rows])
-        c0, c1, bumped, refused = np.array([(row.c0, row.c1, row.bumped, row.refused) for row in rows]).T
+    def _add_records(self) -> None:
+        """Add up the records that wait: numpy takes about as long for many small ticks as for one."""
+        records, self._records = self._records, []
+        if records:
+            self._add_rows([record.robots for record in records])
+            self._add_frames(records)
+
+    def _add_rows(self, ticks: Sequence[Sequence[RobotTick]]) -> None:
+        self._rows = ticks[-1]
+        decision_ms = np.array([[math.nan if row.decision_ms is None else row.decision_ms for row in t] for t in ticks])
+        decided, alive = ~np.isnan(decision_ms), np.array([[row.status is Status.ALIVE for row in t] for t in ticks])
+        numbers = np.array([[(row.c0, row.c1, row.bumped, row.refused) for row in t] for t in ticks])
+        c0, c1, bumped, refused = np.moveaxis(numbers, 2, 0)
         way_m = np.hypot(c0, c1 * self._slides) * self._step * (bumped == 0.0)
-        stuck = np.array([row.state == DEAD_END for row in rows])
-        self._sums += way_m, alive, bumped, refused, decided, decided & stuck
-        self._decision_ms.append(decision_ms)
-        in_all, before = self._rejected
-        now = np.array([n if row.rejected is None else row.rejected for row, n in zip(rows, before, strict=True)])
+        stuck = np.array([[row.state == DEAD_END for row in t] for t in ticks])
+        self._sums += np.sum((way_m, alive, bumped, refused, decided, decided & stuck), axis=1)
+        self._decision_ms.extend(decision_ms)
+        counts = [self._rejected[1].tolist()]
+        for t in ticks:
+            counts.append([n if row.rejected is None else row.rejected for row, n in zip(t, counts[-1], strict=True)])
+        before, now = np.array(counts)[:-1], np.array(counts)[1:]
         # A new process counts from zero.
-        self._rejected = np.array([in_all + now - np.where(now < before, 0, before), now])
+        self._rejected[0] += (now - np.where(now < before, 0, before)).sum(axis=0)
+        self._rejected[1] = now[-1]
 
-    def _add_frames(self, record: TickRecord) -> None:
-        sources = np.array([source for source, _ in record.frames], dtype=np.int64)
-        frames = np.bincount(sources, minlength=self._frames.size)
-        here = np.array([False, *(row.status.is_present for row in record.robots)])
-        self._frames += frames
-        np.add.at(self._bytes, sources, [len(frame) for _, frame in record.frames])
-        self._sent += np.outer(frames, here)
-        np.add.at(self._sent, tuple(np.array([row[:2] for row in record.copies], dtype=np.int64).reshape(-1, 2).T), 1)
-        landed, dropped = links_of(record.deliveries), drops_of(record.dropped)
-        np.add.at(self._delivered, (landed.source, landed.destination), 1)
-        for number, why in enumerate(dropped.causes):
-            of = dropped.cause == number
-            np.add.at(self._dropped[kind_of(why)], (dropped.source[of], dropped.destination[of]), 1)
-            self._by_fault[fault_of(why), "dropped"] += int(np.count_nonzero(of))
-        for effect, befell in (("delayed", record.delayed), ("duplicated", record.copies)):
-            self._by_fault.update((row[3], effect) for row in befell)
+    def _add_frames(self, records: Sequence[TickRecord]) -> None:
+        frames = np.zeros((len(records), self._frames.size), dtype=np.int64)  # by tick and sender
+        for k, record in enumerate(records):
+            for source, frame in record.frames:
+                frames[k, source] += 1
+                self._bytes[source] += len(frame)
+            dropped = drops_of(record.dropped)
+            for number, why in enumerate(dropped.causes):
+                of = dropped.cause == number
+                np.add.at(self._dropped[kind_of(why)], (dropped.source[of], dropped.destination[of]), 1)
+                self._by_fault[fault_of(why), "dropped"] += int(np.count_nonzero(of))
+            for effect, befell in (("delayed", record.delayed), ("duplicated", record.copies)):
+                self._by_fault.update((row[3], effect) for row in befell)
+        here = np.array([[False, *(row.status.is_present for row in record.robots)] for record in records])
+        self._frames += frames.sum(axis=0)
+        self._sent += frames.T @ here
+        copies = [row[:2] for record in records for row in record.copies]
+        np.add.at(self._sent, tuple(np.array(copies, dtype=np.int64).reshape(-1, 2).T), 1)
+        landed = [links_of(record.deliveries) for record in records]
+        ends = [np.concatenate(ends) for ends in zip(*((of.source, of.destination) for of in landed), strict=True)]
+        np.add.at(self._delivered, tuple(ends), 1)
 
     def figures(self) -> Found:
         """Return the figures; none before the first tick, and where ticks lack robots."""
+        self._add_records()
         run, count = self._run, len(self._ticks)
         if not count or not run.has_robots:
             return {}
@@ -119,7 +141,7 @@ class Figures(JournalReading):
         """Return the robots' statuses, also after the events that follow the last tick."""
         events = [event for event in self._run.journal.events if event.k >= len(self._ticks)]
         last = {event.robot: event.kind for event in events if event.kind.upper() in Status.__members__}
-        return [last.get(number, status) for number, status in enumerate(self._statuses, 1)]
+        return [last.get(number, row.status.name.lower()) for number, row in enumerate(self._rows, 1)]
 
     def _count_links(self, robots: dict[str, Any]) -> Found:
         """Return the figures of frames by cause, fault and link, and of the fleet; add those by sender to `robots`."""

@@ -40,6 +40,15 @@ IMPORT = """
 import toy.kernels.sums as sums
 print([str(sums.double(21)), str(sum(sums.double.stats.cache_hits.values()))])
 """
+MEANWHILE = """
+import time
+from patrol.starting.compiling import compiling_meanwhile
+from patrol.starting.warmup import missing_kernels
+with compiling_meanwhile(missing_kernels(("toy",))):
+    while missing_kernels(("toy",)):
+        time.sleep(0.05)
+print([])
+"""
 PROGRESS = progress_line(Compiled(0, 0, None)).partition(":")[0] + ":"
 COMPILED, LOADED = ["42", "0"], ["42", "1"]
 
@@ -136,6 +145,13 @@ print(*sorted(SELDOM.keys() & sys.modules.keys() - set(seldom_kernels(scenario))
 def test_a_default_run_loads_no_kernels_that_are_needed_seldom() -> None:
     run = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
     assert run.stdout == "\n"
+
+
+@pytest.mark.parametrize("module", ["fogwatch.api", "worldsim.process", "agent.own_robot", "monitor.process"])
+def test_what_compiles_the_kernels_imports_none_before(module: str) -> None:
+    code = f"import sys, {module}; print('numba' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "False\n"
 
 
 def test_python_without_docstrings_has_entries_of_its_own(toy: Path) -> None:
@@ -312,6 +328,13 @@ def test_ctrl_c_ends_the_workers(toy: Path) -> None:
         os.kill(worker, 0)
     source_of(toy).write_text(KERNEL, encoding="utf-8")
     assert said(start()) == [COMPILING]
+
+
+@pytest.mark.processes
+@pytest.mark.usefixtures("toy")
+def test_kernels_that_are_needed_later_are_compiled_meanwhile() -> None:
+    assert said(start(MEANWHILE)) == []
+    assert said(start(IMPORT)) == LOADED
 
 
 @pytest.mark.processes

@@ -255,6 +255,7 @@ def test_cars_on_arcs_meet_too() -> None:
 
 @given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 2)), max_size=12))
 def test_the_bodies_that_can_meet_are_those_whose_discs_overlap(discs: list[tuple[float, float, float]]) -> None:
+    discs.sort()
     found = near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))
 
     def overlap(one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
