@@ -5,10 +5,11 @@ from __future__ import annotations
 import copy
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from agent.belief.posts import Posts
-from agent.kernels.changes import NOTHING, POST, SIDE, boxes_due, note_freshest, take_in
+from agent.kernels.changes import NOTHING, POST, SIDE, WIDEST, boxes_due, note_freshest, take_in
 from agent.kernels.dilate import FRAME, LONG, dilate_all
 from patrol.ground.fog import AGELESS, Box, Fog
 from patrol.ground.terrain import BoolGrid
@@ -37,9 +38,13 @@ class Dilated:
         self._carried = np.zeros(ground.shape, dtype=np.int32)
         self._grid: NDArray[np.int32] = np.where(ground, np.int32(0), np.int32(AGELESS))
         rows, cols = (-(-size // SIDE) for size in ground.shape)
-        padded = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
-        padded[: ground.shape[0], : ground.shape[1]] = ground
-        any_ground = padded.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
+        margins = tuple((0, -size % SIDE) for size in ground.shape)
+        blocks = (rows, SIDE, cols, SIDE)
+        any_ground = np.pad(ground, margins).reshape(blocks).any(axis=(1, 3))
+        passable = np.pad(self._passable, margins, constant_values=1).reshape(blocks).all(axis=(1, 3))
+        around = min(self._reach_in_blocks, LONG // SIDE)  # what a longer reach takes is the same everywhere
+        near = sliding_window_view(np.pad(passable, around, constant_values=True), (2 * around + 1, 2 * around + 1))
+        self._clear = near.all(axis=(2, 3)).astype(np.uint8)
         block = posts.rows[:, 2] // SIDE * cols + posts.rows[:, 3] // SIDE
         in_block = np.bincount(block, minlength=rows * cols)
         self._posts_by_block = np.ascontiguousarray(posts.rows[np.argsort(block, kind="stable")])
@@ -48,8 +53,8 @@ class Dilated:
         self._freshest = np.where(any_ground, np.int32(0), np.int32(-1))
         self._due = np.zeros((rows, cols), dtype=np.uint8)
         self._boxes = np.zeros((rows * cols, 4), dtype=np.int64)
-        height, width = (size + 2 * min(reach, LONG) + 2 * FRAME for size in (SIDE, ground.shape[1]))
-        self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
+        side = WIDEST + 2 * min(reach, LONG) + 2 * FRAME
+        self._scratch = np.zeros(3 * side * side, dtype=np.uint16)
 
     def fork(self, fog: Fog) -> Dilated:
         """Return a copy for another fog, which is now as fresh as this one's."""
@@ -77,7 +82,7 @@ class Dilated:
         rows, cols = self._find_blocks(box)
         if rows[0] <= rows[1] and cols[0] <= cols[1]:
             height, width = self._ground.shape
-            count = boxes_due(self._due, height, width, *rows, *cols, self._boxes)
+            count = boxes_due(self._due, self._clear, height, width, *rows, *cols, self._reach, self._boxes)
             if count == 0:
                 return self._grid
             boxes = self._boxes[:count]

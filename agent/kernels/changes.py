@@ -20,6 +20,9 @@ int64 = types.int64
 SIDE = 16
 """Side of a block, in points."""
 
+WIDEST = 256
+"""Longest side of a box that is dilated at once, in points: what it takes has to fit into the processor's cache."""
+
 NOTHING = 2**31 - 1
 """The oldest tick where there is none."""
 
@@ -171,39 +174,57 @@ def take_in(
 
 
 @njit(
-    int64(FLAGS, int64, int64, int64, int64, int64, int64, BOXES), cache=True, nogil=True
+    int64(FLAGS, MASK, int64, int64, int64, int64, int64, int64, int64, BOXES), cache=True, nogil=True
 )
-def boxes_due(due, height, width, first_row, last_row, first_col, last_col, boxes):
-    """Put the blocks that are due into boxes: runs of blocks beside each other.
+def boxes_due(due, clear, height, width, first_row, last_row, first_col, last_col, reach, boxes):
+    """Put the blocks that are due into few boxes, which may hold others too.
+
+    All points up to ``reach`` around a box are read to dilate it. So a block is added to the box for which the fewest
+    more points are then read, unless it is better off alone: with a reach of 50, two blocks side by side are read by
+    132 x 116 points as one box, and as two by twice 116 x 116. Boxes of clear blocks are dilated far faster, so these
+    do not get into boxes with others.
 
     Args:
         due: uint8 by block; 0 for the blocks of the range afterwards.
+        clear: uint8 by block, 1 if staleness spreads over all points around it.
         height: Rows of points of the ground.
         width: Columns of points of the ground.
         first_row: First row of the range of blocks.
         last_row: Last row of the range, inclusive.
         first_col: First column of the range.
         last_col: Last column of the range, inclusive.
+        reach: Half-width of the dilatation's window, in points.
         boxes: int64 (n, 4), filled in: first row, last row, first column, last column of points; n at least the number
             of blocks of the range.
 
     Returns:
         The number of boxes.
     """
-    count = 0
-    for row in range(first_row, last_row + 1):
-        goes_on = False
-        for col in range(first_col, last_col + 1):
-            if due[row, col] == 0:
-                goes_on = False
-                continue
-            due[row, col] = 0
-            if not goes_on:
-                boxes[count, 0], boxes[count, 1] = row * SIDE, min((row + 1) * SIDE, height) - 1
-                boxes[count, 2] = col * SIDE
-                count += 1
-            boxes[count - 1, 3] = min((col + 1) * SIDE, width) - 1
-            goes_on = True
+    count, around = 0, 2 * reach + 1
+    for kind in range(2):
+        first = count
+        for row in range(first_row, last_row + 1):
+            for col in range(first_col, last_col + 1):
+                if due[row, col] == 0 or clear[row, col] != kind:
+                    continue
+                due[row, col] = 0
+                top, bottom = row * SIDE, min((row + 1) * SIDE, height) - 1
+                left, right = col * SIDE, min((col + 1) * SIDE, width) - 1
+                boxes[count] = top, bottom, left, right
+                best, fewest = count, (SIDE + 2 * reach) ** 2
+                for box in range(count):
+                    up, down = min(boxes[box, 0], top), max(boxes[box, 1], bottom)
+                    begin, end = min(boxes[box, 2], left), max(boxes[box, 3], right)
+                    tall, wide = boxes[box, 1] - boxes[box, 0] + around, boxes[box, 3] - boxes[box, 2] + around
+                    more = (down - up + around) * (end - begin + around) - tall * wide
+                    if more >= fewest or down - up >= WIDEST or end - begin >= WIDEST:
+                        continue
+                    blocks = clear[up // SIDE : down // SIDE + 1, begin // SIDE : end // SIDE + 1]
+                    if more == 0 or (box >= first and (kind == 0 or blocks.all())):
+                        best, fewest = box, more
+                boxes[best, 0], boxes[best, 1] = min(boxes[best, 0], top), max(boxes[best, 1], bottom)
+                boxes[best, 2], boxes[best, 3] = min(boxes[best, 2], left), max(boxes[best, 3], right)
+                count += best == count
     return count
 
 

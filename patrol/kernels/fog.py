@@ -88,10 +88,12 @@ def keep_tracked(views, tracked, rows, cols):
     """
     height, width = tracked.shape
     for k in range(views.shape[0]):
-        top, left = rows[k], cols[k]
-        for i in range(max(0, -top), min(views.shape[1], height - top)):
-            for j in range(max(0, -left), min(views.shape[2], width - left)):
-                views[k, i, j] &= tracked[top + i, left + j]
+        begin = max(0, -cols[k])
+        end = max(begin, min(views.shape[2], width - cols[k]))
+        for i in range(max(0, -rows[k]), min(views.shape[1], height - rows[k])):
+            view, counts = views[k, i, begin:end], tracked[rows[k] + i, cols[k] + begin : cols[k] + end]
+            for j in range(view.size):
+                view[j] &= counts[j]
 
 
 @njit(types.void(SEEN, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agent.belief.dilated import Dilated
 from agent.belief.posts import Posts
-from agent.kernels.changes import NOTHING, SIDE, carry
+from agent.kernels.changes import NOTHING, SIDE, WIDEST, boxes_due, carry
 from agent.kernels.dilate import dilate
 from patrol.ground.fog import AGELESS, Box, Fog
 
@@ -22,8 +22,8 @@ def anew(fog: Fog, ground: NDArray[np.bool_], proxy: NDArray[np.int32], reach: i
     carried = np.maximum(fog.last_seen, 0)
     hidden = np.flatnonzero(proxy >= 0)
     np.minimum.at(carried.reshape(-1), proxy.reshape(-1)[hidden], np.maximum(fog.last_seen.reshape(-1)[hidden], 0))
-    whole, passable = np.full(SHAPE, AGELESS, dtype=np.int32), ground.view(np.uint8)
-    box = 0, SHAPE[0] - 1, 0, SHAPE[1] - 1
+    whole, passable = np.full(ground.shape, AGELESS, dtype=np.int32), ground.view(np.uint8)
+    box = 0, ground.shape[0] - 1, 0, ground.shape[1] - 1
     dilate(carried, passable, passable, whole, *box, reach, tick, np.zeros(0, dtype=np.uint16))
     return whole
 
@@ -71,6 +71,41 @@ def test_what_is_read_is_what_dilating_everything_anew_gives(seed: int, reach: i
         assert np.array_equal(found[part], anew(fog, ground, proxy, reach, tick)[part])
     whole = 0, SHAPE[0] - 1, 0, SHAPE[1] - 1
     assert np.array_equal(dilated.within(whole, 12), anew(fog, ground, proxy, reach, 12))
+
+
+def test_ground_wider_than_a_box_is_dilated_by_boxes_of_blocks_near_obstacles_and_of_others() -> None:
+    ground = np.ones((300, 2 * WIDEST), dtype=np.bool_)
+    ground[100:200, 200] = ground[40, 300:] = False
+    fog, proxy = Fog(ground), np.full(ground.shape, -1, dtype=np.int32)
+    dilated = Dilated(fog, ground, Posts(proxy), 20)
+    for tick, (top, left) in enumerate([(0, 0), (90, 150), (90, 230), (20, 280), (180, 400), (210, 30)]):
+        fog.last_seen[top : top + 80, left : left + 80] = np.where(ground[top : top + 80, left : left + 80], tick, -1)
+        dilated.changed([(top, top + 79, left, left + 79)])
+        found = dilated.within((0, ground.shape[0] - 1, 0, ground.shape[1] - 1), tick)
+        assert np.array_equal(found, anew(fog, ground, proxy, 20, tick))
+
+
+@settings(max_examples=100)
+@given(seed=st.integers(0, 2**32 - 1), reach=st.sampled_from([1, 10, 50]), share=st.sampled_from([0.02, 0.3, 1.0]))
+def test_boxes_hold_all_blocks_that_are_due_and_no_block_beyond_the_range(seed: int, reach: int, share: float) -> None:
+    dice, (height, width) = np.random.default_rng(seed), (20 * SIDE - 3, 30 * SIDE - 7)
+    due = (dice.random((20, 30)) < share).astype(np.uint8)
+    clear, before = (dice.random((20, 30)) < 0.8).astype(np.uint8), due.copy()
+    first_row, last_row, first_col, last_col = 2, 18, 1, 29
+    boxes = np.zeros((due.size, 4), dtype=np.int64)
+    count = boxes_due(due, clear, height, width, first_row, last_row, first_col, last_col, reach, boxes)
+    inside = np.zeros((20, 30), dtype=np.bool_)
+    inside[first_row : last_row + 1, first_col : last_col + 1] = True
+    in_boxes = np.zeros((20, 30), dtype=np.bool_)
+    for top, bottom, left, right in boxes[:count].tolist():
+        assert bottom - top < WIDEST
+        assert right - left < WIDEST
+        assert bottom < height
+        assert right < width
+        in_boxes[top // SIDE : bottom // SIDE + 1, left // SIDE : right // SIDE + 1] = True
+    assert in_boxes[inside & (before != 0)].all()
+    assert not in_boxes[~inside].any()
+    assert np.array_equal(due, np.where(inside, 0, before))
 
 
 @pytest.mark.parametrize("reach", [0, 5, 16])
