@@ -1,4 +1,4 @@
-"""Compiled kernels of `agent.belief`.
+"""Compiled kernels of `agent`: fog, ways, forces, choices and manoeuvres.
 
 Every module here imports only numpy and numba. A kernel takes arrays and scalars, has one explicit
 signature, and calls no kernel of another file.

@@ -1,1 +1,1 @@
-"""The network: keys, links, and the messages between processes."""
+"""The network: Zenoh links, multicast groups, serial lines and mailboxes."""
