@@ -69,8 +69,8 @@ class _Reproduce(TyperGroup):
 
 app = group(
     "reproduce",
-    "Reproduce the figures and numbers of the documentation, the paper's tables, and what faults cost. `fogwatch "
-    "reproduce NAME` makes a figure, `fogwatch reproduce` lists them.",
+    "Reproduce the figures and numbers of the documentation, and the paper's tables. `fogwatch reproduce "
+    "NAME` makes a figure, `fogwatch reproduce` lists them.",
     _Reproduce,
 )
 

@@ -26,6 +26,7 @@ from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, sca
 from experiments.sweeps.plan import CASE
 from monitor.figures.style import MUTED, WIDTH, Drawing, figure
 from patrol.errors import quoted
+from patrol.palette import ROBOTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,13 +195,18 @@ class _Figures:
 
 
 def _series_axis(rows: Sequence[CaseRow]) -> str | None:
-    """Return the axis whose values have a colour each: policies, else named cases, where another axis varies too."""
+    """Return the axis whose values have a colour each, where another axis varies too.
+
+    That is policies, else named cases, else, if there are more of these than colours, another axis.
+    """
     texts: dict[str, set[str]] = {}
     for row in rows:
         for label in row.labels:
             texts.setdefault(label.axis, set()).add(label.text)
-    varied = [axis for axis, choices in texts.items() if len(choices) > 1]
-    return next((axis for axis in (POLICY, CASE) if axis in varied and len(varied) > 1), None)
+    varied = {axis: len(choices) for axis, choices in texts.items() if len(choices) > 1}
+    if len(varied) < 2 or not {POLICY, CASE} & set(varied):
+        return None
+    return next((axis for axis in (POLICY, CASE, *varied) if varied.get(axis, math.inf) <= len(ROBOTS)), None)
 
 
 def _text_on(row: CaseRow, axis: str | None) -> str:

@@ -16,20 +16,17 @@ from patrol.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
 
-OLD_WORDS = {
-    "key new": "fleet key",
-    "key": "fleet key",
-    "experiment": "reproduce",
-    "paper all": "reproduce table",
-    "paper": "reproduce",
-}
+OLD_WORDS = {"key new": "fleet key", "key": "fleet key", "paper all": "reproduce table", "paper": "reproduce"}
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
 
-BARE = ("paper", "experiment", "paper table")
+BARE = ("paper", "paper table")
 """Old words that asked for more where nothing followed them; their new words alone would list or run all."""
 
 _MCAP = "the tool mcap does that: mcap doctor FILE inspects a recording, mcap recover FILE -o NEW saves a damaged one"
+_FAULTS = "what faults cost is a sweep: fogwatch sweep examples/sweeps/faults.yaml, or fault-kinds.yaml beside it"
 GONE = {
+    "experiment": f"`fogwatch experiment` is gone; {_FAULTS}",
+    "reproduce faults": f"`fogwatch reproduce faults` is gone; {_FAULTS}",
     "chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch",
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
     "record --check": f"`fogwatch record --check` is gone; {_MCAP}",

@@ -232,8 +232,6 @@ def test_every_command_names_the_argument_its_value_and_the_remedy(
         ("paper all", "reproduce table"),
         ("paper calibrate", "reproduce calibrate"),
         ("paper", "reproduce"),
-        ("experiment faults", "reproduce faults"),
-        ("experiment", "reproduce"),
     ],
 )
 def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: Shell) -> None:
@@ -257,7 +255,8 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("intruder --horizon=9 runs/a", "`fogwatch intruder --horizon` is gone"),
         ("paper", "say which one"),
         ("paper table", "say which one"),
-        ("experiment", "say which one"),
+        ("experiment faults --seeds 1", "`fogwatch experiment` is gone; what faults cost is a sweep: fogwatch sweep"),
+        ("reproduce faults", "`fogwatch reproduce faults` is gone; what faults cost is a sweep"),
     ],
 )
 def test_words_of_1_0_that_cannot_go_on_say_so(words: str, error: str, shell: Shell) -> None:
