@@ -26,6 +26,13 @@ _MCAP = "the tool mcap does that: mcap doctor FILE inspects a recording, mcap re
 _FAULTS = "what faults cost is a sweep: fogwatch sweep examples/sweeps/faults.yaml, or fault-kinds.yaml beside it"
 GONE = {
     "experiment": f"`fogwatch experiment` is gone; {_FAULTS}",
+    "reproduce calibrate": "`fogwatch reproduce calibrate` is gone; fogwatch reproduce table 2 3 --set sensor.range=R "
+    "tells how well a range fits",
+    **{
+        f"reproduce table --{field.replace('.', '-')}": f"`fogwatch reproduce table` has no option for {field} now; "
+        f"give --set {field}=NUMBER"
+        for field in ("point", "duration", "sensor.range")
+    },
     "reproduce faults": f"`fogwatch reproduce faults` is gone; {_FAULTS}",
     "chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch",
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
@@ -54,16 +61,18 @@ def renew_words(words: Sequence[str]) -> list[str]:
 
 def _translate(words: Sequence[str]) -> list[str]:
     """Return a command line in new words; tell which ones where it has old ones."""
-    options = {word.partition("=")[0] for word in words}
+    old = find_old_words(words)
+    new = renew_words(words)
+    options = {word.partition("=")[0] for word in new}
     for old_words, remedy in GONE.items():
         commands = [word for word in old_words.split() if not word.startswith("-")]
-        if list(words[: len(commands)]) == commands and options.issuperset(old_words.split()[len(commands) :]):
+        if new[: len(commands)] == commands and options.issuperset(old_words.split()[len(commands) :]):
             raise BadInput(remedy)
-    if (old := find_old_words(words)) is not None:
+    if old is not None:
         complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
         if (line := " ".join(words)) in BARE:
             raise BadInput(f"{line}: say which one; see fogwatch reproduce --help")
-    return renew_words(words)
+    return new
 
 
 def run_app(app: typer.Typer) -> int:

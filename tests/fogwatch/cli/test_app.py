@@ -230,7 +230,6 @@ def test_every_command_names_the_argument_its_value_and_the_remedy(
         ("key", "fleet key"),
         ("paper table", "reproduce table"),
         ("paper all", "reproduce table"),
-        ("paper calibrate", "reproduce calibrate"),
         ("paper", "reproduce"),
     ],
 )
@@ -256,6 +255,8 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("paper", "say which one"),
         ("paper table", "say which one"),
         ("experiment faults --seeds 1", "`fogwatch experiment` is gone; what faults cost is a sweep: fogwatch sweep"),
+        ("paper calibrate --seeds 1", "`fogwatch reproduce calibrate` is gone; fogwatch reproduce table 2 3 --set"),
+        ("reproduce table 2 --point=1", "has no option for point now; give --set point=NUMBER"),
         ("reproduce faults", "`fogwatch reproduce faults` is gone; what faults cost is a sweep"),
     ],
 )
