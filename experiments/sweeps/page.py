@@ -15,8 +15,8 @@ from experiments.sweeps.runner import SweepOutcome
 from monitor.figures.style import Drawing
 from patrol.process.aside import in_two
 
-FIGURE = re.compile(r"(table-\d-)?(cases|change|curves)-[a-z0-9_]+\.(png|svg|pdf)")
-"""File names of the figures of sweeps."""
+FIGURE = re.compile(r"(table-\d-)?((cases|change|curves)-[a-z0-9_]+|plane|plane-gain)\.(png|svg|pdf)")
+"""File names of the figures of studies."""
 
 
 def page_head(title: str, outcome: SweepOutcome, *command: str) -> Iterator[str]:

@@ -41,6 +41,10 @@ GONE = {
     "run --threads": "`fogwatch run --threads` is gone; give --workers, which makes processes and is faster",
     "map random": "`fogwatch map random` is gone; a clone of fogwatch has such buildings in examples/maps",
     **{
+        f"benchmark --{option}": f"`fogwatch benchmark --{option}` is gone; give --terrains FILE.graph+MAP.yaml"
+        for option in ("map", "graph")
+    },
+    **{
         f"intruder {option}": f"`fogwatch intruder {option}` is gone, and so is the learned intruder; leave it out"
         for option in ("--learned", "--horizon", "--trials")
     },

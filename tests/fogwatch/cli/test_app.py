@@ -257,6 +257,7 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("experiment faults --seeds 1", "`fogwatch experiment` is gone; what faults cost is a sweep: fogwatch sweep"),
         ("paper calibrate --seeds 1", "`fogwatch reproduce calibrate` is gone; fogwatch reproduce table 2 3 --set"),
         ("reproduce table 2 --point=1", "has no option for point now; give --set point=NUMBER"),
+        ("benchmark --preset magec --map a.yaml", "`fogwatch benchmark --map` is gone; give --terrains FILE.graph+"),
         ("reproduce faults", "`fogwatch reproduce faults` is gone; what faults cost is a sweep"),
     ],
 )
