@@ -120,10 +120,10 @@ def sweep(
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    The folder gets a page of its name, summary.csv and summary.json (a row a case), table.tex (for a paper in LaTeX),
-    runs.csv (a row a run), comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG
-    and PDF. Runs that have a result there are not repeated, so that an interrupted sweep continues when it is started
-    again.
+    The folder gets sweep.md (a page with tables and figures), summary.csv and summary.json (a row a case), table.tex
+    (for a paper in LaTeX), runs.csv (a row a run), comparisons.csv (paired tests of the cases that `against` compares)
+    and figures/ as PNG, SVG and PDF. Runs that have a result there are not repeated, so that an interrupted sweep
+    continues when it is started again.
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
@@ -141,7 +141,7 @@ def sweep(
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     write_tables(outcome, folder, table)
     rows = case_rows(outcome)
-    _write_page(outcome, rows, folder / f"{folder.name}.md", width)
+    _write_page(outcome, rows, folder / "sweep.md", width)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
@@ -152,7 +152,7 @@ def sweep(
     for line in plan.notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
-    files = f"{folder}: {folder.name}.md, summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
+    files = f"{folder}: sweep.md, summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
     console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 
