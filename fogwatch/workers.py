@@ -77,17 +77,19 @@ class Workers(WithoutProcesses):
         self._processes: list[BaseProcess] = []
         numbers, context = list(numbers), get_context("fork")
         gc.freeze()  # or a collection in a worker would write to each object, and so copy all memory of this process
-        for worker in range(count):
-            pipe, other = context.Pipe()
-            part = [number for number in numbers if number % count == worker]
-            self._pipes.append(pipe)
-            ends = (other, self._pipes)
-            process = context.Process(target=_serve_calls, args=(*ends, part, make), name=f"worker {worker}")
-            process.daemon = True  # ended with this process, where that comes to an end of its own
-            process.start()
-            other.close()
-            self._processes.append(process)
-        gc.unfreeze()
+        try:
+            for worker in range(count):
+                pipe, other = context.Pipe()
+                part = [number for number in numbers if number % count == worker]
+                self._pipes.append(pipe)
+                ends = (other, self._pipes)
+                process = context.Process(target=_serve_calls, args=(*ends, part, make), name=f"worker {worker}")
+                process.daemon = True  # ended with this process, where that comes to an end of its own
+                process.start()
+                other.close()
+                self._processes.append(process)
+        finally:
+            gc.unfreeze()
         try:
             self._answers()
         except BaseException:

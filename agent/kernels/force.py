@@ -53,7 +53,7 @@ def gather(
         length: int32 (m, n), path lengths in hundredths of a point.
         bend: int32 (m, n), flat index into the window of each path's first bend.
         first: Exclusive lower bound of the path length, in hundredths of a point.
-        last: Inclusive upper bound of the path length, in hundredths of a point.
+        last: Inclusive upper bound of the path length, in hundredths of a point; not less than `first`.
         span: Largest distance from the robot, in rows and in columns.
         start_row: The robot's row in the window; its own point exerts no force.
         start_col: The robot's column in the window.

@@ -1,25 +1,30 @@
-"""One run of a sweep: the same function for a local worker process and for a Dask worker."""
+"""One run of a sweep: the same function for a local worker process and for a Dask worker.
+
+As a program (``python -P -m experiments.sweeps.worker``) it reads tasks as JSON lines from the standard input and
+answers each with a JSON line. It ends when the input ends, even in the middle of a run, since its parent is gone then.
+"""
 
 from __future__ import annotations
 
 import gc
+import importlib
+import json
 import os
-import signal
+import queue
+import sys
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from experiments.sweeps.results import FAILED, OK
+from patrol.classes.exits import end_now
 from patrol.errors import BadInput
-from patrol.process.lifeline import die_when_orphaned
-from patrol.starting.environment import keep_freed_memory
 from patrol.summary.metric import metrics_of as declared
 from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, VerdictFacts
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
     from pydantic import BaseModel
 
     from fogwatch.inprocess import Outcome
@@ -139,14 +144,23 @@ def metrics_of(summary: Summary) -> Metrics:
     }
 
 
-def answer_tasks(pipe: Connection) -> None:
-    """Answer tasks in a fork of the process that sends them, until that ends this one or dies."""
-    os.setsid()  # Ctrl-C on a terminal reaches the other process alone
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):  # its handlers are for itself
-        signal.signal(number, signal.SIG_DFL)
-    die_when_orphaned(None)
-    os.dup2(2, 1)  # what a policy prints must not mix with the tables
-    keep_freed_memory()
+def main() -> None:
+    """Answer tasks until the input ends."""
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # other output must not mix with the answers
+    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
+    threading.Thread(target=_read_tasks, args=(tasks,), daemon=True).start()
+    importlib.import_module("fogwatch.inprocess")
     gc.freeze()  # libraries hold many objects, which collecting after each run would look through again
     while True:
-        pipe.send(run_task(pipe.recv()))
+        print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
+
+
+def _read_tasks(tasks: queue.SimpleQueue[Task]) -> None:
+    for line in sys.stdin:
+        tasks.put(json.loads(line))
+    end_now(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,33 +1,37 @@
 """The workers that make the runs of a sweep: processes of this machine, or those of a Dask cluster.
 
-Processes of our own rather than a pool of the standard library: there, one that dies fails every run that waits, and a
-run goes on when its parent is gone. They are forks, which begin with all libraries and kernels loaded, and scripts that
-call `fogwatch.sweep` need no `__main__` guard.
+Processes of our own rather than a pool of the standard library: there, one that dies fails every run that waits, a
+run goes on when its parent is gone, and scripts that call `fogwatch.sweep` would need a `__main__` guard.
 """
 
 from __future__ import annotations
 
 import asyncio
 import importlib
+import json
 import logging
 import os
+import selectors
 import signal
-import warnings
+import subprocess
+import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
 from numbers import Integral
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import IO, Any, Protocol, Self
 
-from experiments.sweeps.worker import Answer, Task, answer, answer_tasks, prepare_worker, run_task, software
+from experiments.sweeps.worker import Answer, Task, answer, prepare_worker, run_task, software
 from patrol.errors import BadInput, quoted
+from patrol.starting.environment import own_environment
 
 LOOK_UP_S = 0.5
 """Interval of looking up while no worker answers, s: a signal that comes just before the wait does not end it."""
+
+GRACE_S = 2.0
+"""Longest wait for a worker that has closed its output to end by itself."""
 
 TIMEOUT_S = 10.0
 """Longest wait for a Dask scheduler to answer, and for a first worker."""
@@ -54,8 +58,8 @@ class WorkerPool(Protocol):
 class LocalWorkers:
     """Processes of this machine, each making one run at a time (`WorkerPool`).
 
-    They are forks of this process. If one dies, its run has failed and it is replaced. All of them are ended when this
-    process dies.
+    They share nothing with this process. If one dies, its run has failed and it is replaced. All of them end by
+    themselves when this process dies.
     """
 
     def __init__(self, size: int | None = None) -> None:
@@ -63,10 +67,9 @@ class LocalWorkers:
         if size is not None and not (isinstance(size, Integral) and size >= 1):
             raise BadInput(f"workers = {quoted(size)}: expected 1 or more")
         self.size = size or cores()
-        self._workers: dict[Connection, _Worker] = {}
+        self._workers: dict[IO[bytes], _Worker] = {}
 
     def __enter__(self) -> Self:
-        importlib.import_module("fogwatch.inprocess")  # once, and not in each worker
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -77,30 +80,38 @@ class LocalWorkers:
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
         """Make runs; yield the answer to each task as soon as there is one, in any order."""
         waiting = deque(tasks)
-        for _ in range(min(self.size, len(waiting))):
-            self._give_task(_Worker(), waiting)
-        while self._workers:
-            for pipe in wait(self._workers, LOOK_UP_S):
-                yield self._take_answer(self._workers[pipe], waiting)  # type: ignore[index]
+        with selectors.DefaultSelector() as selector:
+            for _ in range(min(self.size, len(waiting))):
+                self._start_worker(selector, waiting.popleft())
+            while self._workers:
+                for ready, _ in selector.select(LOOK_UP_S):
+                    assert not isinstance(ready.fileobj, int)
+                    yield self._take_answer(selector, ready.fileobj, waiting)  # type: ignore[arg-type]
 
-    def _take_answer(self, worker: _Worker, waiting: deque[Task]) -> Answer:
-        """Take a worker's answer, or make one if it has died; then give it or another worker the next task."""
-        try:
-            result: Answer = worker.pipe.recv()
-            died = False
-        except (EOFError, ConnectionError):
-            result = answer(worker.task, f"its worker process died ({_death_cause(worker.end())})")
-            died = True
+    def _start_worker(self, selector: selectors.BaseSelector, task: Task) -> None:
+        worker = _Worker()
+        self._workers[worker.answers] = worker
+        selector.register(worker.answers, selectors.EVENT_READ)
+        worker.give(task)
+
+    def _take_answer(self, selector: selectors.BaseSelector, answers: IO[bytes], waiting: deque[Task]) -> Answer:
+        """Take a worker's answer, or make one if it has died; then give it its next task, or end it."""
+        worker = self._workers[answers]
+        task, line = worker.task, answers.readline()
+        died = not line.endswith(b"\n")
         if died or not waiting:
-            worker.end()
-            del self._workers[worker.pipe]
-        if waiting:
-            self._give_task(_Worker() if died else worker, waiting)
+            selector.unregister(answers)
+            del self._workers[answers]
+            code = worker.end(died)
+            if waiting:
+                self._start_worker(selector, waiting.popleft())
+        else:
+            worker.give(waiting.popleft())
+            code = 0
+        if died:
+            return answer(task, f"its worker process died ({_death_cause(code)})")
+        result: Answer = json.loads(line)
         return result
-
-    def _give_task(self, worker: _Worker, waiting: deque[Task]) -> None:
-        self._workers[worker.pipe] = worker
-        worker.give(waiting.popleft())
 
 
 def cores() -> int:
@@ -116,28 +127,36 @@ def _death_cause(code: int) -> str:
 
 
 class _Worker:
-    """One worker process, a fork of this one, and its task."""
+    """One worker process and its task."""
 
     def __init__(self) -> None:
-        context = get_context("fork")
-        self.pipe, other = context.Pipe()
-        self._process = context.Process(target=answer_tasks, args=(other,), daemon=True)
-        with other, warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12 and later, where there are threads
-            self._process.start()
+        # In a group of its own: Ctrl-C on a terminal reaches this process alone, which then ends its workers.
+        command = [sys.executable, "-P", "-m", "experiments.sweeps.worker"]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0, env=own_environment())
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._tasks = self._process.stdin
+        self.answers: IO[bytes] = self._process.stdout
+        self.task: Task = {}
 
     def give(self, task: Task) -> None:
-        """Send the next task; if the worker has died meanwhile, the end of its answers shows that."""
+        """Send the next task; if the worker has died meanwhile, the end of its output shows that."""
         self.task = task
-        with suppress(ConnectionError):
-            self.pipe.send(task)
+        with suppress(BrokenPipeError):
+            self._tasks.write(json.dumps(task).encode() + b"\n")
+            self._tasks.flush()
 
-    def end(self) -> int:
-        """End the process, whatever it is doing, unless it has ended; return its exit code."""
+    def end(self, died: bool = False) -> int:
+        """End the process, whatever it is doing; the exit code. One that is dying gets `GRACE_S` to end."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(GRACE_S if died else 0.0)
         self._process.kill()
-        self._process.join()
-        self.pipe.close()
-        return self._process.exitcode or 0
+        code = self._process.wait()
+        for pipe in (self._tasks, self.answers):
+            with suppress(BrokenPipeError):
+                pipe.close()
+        return code
 
 
 class ClusterWorkers:

@@ -24,8 +24,10 @@ MOST_FRAMES = 100_000
 LENGTH_S = 15.0
 """Length of a film whose speed is not given, s: the whole run, or real time if that is shorter."""
 
-MOST_FPS = 50
-"""Frames per second of the fastest GIF: browsers slow down faster ones."""
+GIF_FPS = (1, 2, 4, 5, 10, 20, 25, 50)
+"""Frames per second of a GIF, which counts in hundredths of a second; browsers slow down faster ones."""
+
+MOST_FPS = 1000
 
 LEAST_WIDTH, MOST_WIDTH = 320, 1920
 
@@ -57,9 +59,11 @@ def animate(
     kind = out.suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise BadInput(f"--out {out}: films are GIF or MP4; name a file that ends in .gif or .mp4")
-    most_fps = MOST_FPS if kind == ".gif" else 1000
-    if not 0 < fps <= most_fps:
-        raise BadInput(f"--fps {fps}: expected 1 to {most_fps} for {kind}, such as --fps 10")
+    if kind == ".gif" and fps not in GIF_FPS:
+        choice = ", ".join(map(str, GIF_FPS))
+        raise BadInput(f"--fps {fps}: a GIF counts in hundredths of a second; give {choice}, or name an .mp4 file")
+    if not 0 < fps <= MOST_FPS:
+        raise BadInput(f"--fps {fps}: expected 1 to {MOST_FPS}, such as --fps 10")
     if speed is not None and not 0.0 < speed < math.inf:
         raise BadInput(f"--speed {speed:g}: expected a number above 0, such as --speed 20")
     if not LEAST_WIDTH <= width <= MOST_WIDTH:

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.manoeuvre import wheel_moves
+from agent.bodies.manoeuvre import _paths_to, wheel_moves
 from agent.kernels.manoeuvre import KEPT, _fits, _is_free, _measure, search
 from agent.ports import Place, State
-from agent.routes.ground import Spot
+from agent.routes.ground import Ground, Spot
 from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
@@ -43,6 +43,16 @@ def dead_end(width: float) -> Terrain:
     """A room of 6 x 6 m, and a corridor of 8 m that leads out of it and ends."""
     low = 3.0 - 0.5 * width
     return plan((14.0, 6.0), (0.0, 0.0, 6.0, 6.0), (6.0, low, 14.0, low + width))
+
+
+def test_kept_paths_reach_no_farther_than_asked() -> None:
+    terrain = dead_end(3.0)
+    kept, point = Ground(terrain, terrain.free), (terrain.height // 2, 5)
+    for within in (12.0, 2.0, 5.0, 12.0):
+        paths, fresh = (_paths_to(point, ground, within) for ground in (kept, Ground(terrain, terrain.free)))
+        assert paths.limit == fresh.limit
+        for row, col in np.ndindex(terrain.shape):
+            assert paths.length_to(row, col) == fresh.length_to(row, col)
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi, 0.3])

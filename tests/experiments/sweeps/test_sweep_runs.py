@@ -6,13 +6,13 @@ import gc
 import json
 import selectors
 import signal
+import subprocess
 import sys
 import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from multiprocessing.context import ForkProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -236,14 +236,14 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
 @pytest.mark.processes
 def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long = plan({"long": {"duration": 100_000}, "short": {}, "brief": {"duration": 20}}, seeds=(1,))
-    started: list[ForkProcess] = []
-    start = ForkProcess.start
+    started: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
 
-    def noted(process: ForkProcess) -> None:
-        start(process)
-        started.append(process)
+    def noted(*words: Any, **how: Any) -> subprocess.Popen[bytes]:
+        started.append(start(*words, **how))
+        return started[-1]
 
-    monkeypatch.setattr(ForkProcess, "start", noted)
+    monkeypatch.setattr(subprocess, "Popen", noted)
 
     class Killing(Watching):
         def result(self, result: RunResult) -> None:

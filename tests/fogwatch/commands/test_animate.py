@@ -111,7 +111,8 @@ def test_a_closed_door_is_filled_while_it_is_closed_and_a_death_shows(ran: Path)
     ("arguments", "words"),
     [
         (("--out", "a.avi"), "GIF or MP4"),
-        (("--out", "a.gif", "--fps", "80"), "--fps 80: expected 1 to 50"),
+        (("--out", "a.gif", "--fps", "30"), "--fps 30: a GIF counts in hundredths of a second; give 1, 2, 4, 5, 10"),
+        (("--out", "a.mp4", "--fps", "0"), "--fps 0: expected 1 to 1000"),
         (("--out", "a.gif", "--speed", "0"), "--speed 0: expected a number above 0"),
         (("--out", "a.gif", "--speed", "1e-300"), "makes more than 100000 frames; give a higher --speed"),
         (("--out", "a.gif", "--width", "10"), "--width 10: expected 320 to 1920"),
