@@ -129,10 +129,9 @@ def _progress_figures(progress: RunProgress | None) -> dict[str, Any]:
     """Return where robots were trapped, and the stalest places; a verdict may not have looked for them."""
     if progress is None:
         return {"trapped": [], "stalest": {}}
-    places = {"worst": progress.worst, "end": progress.end}
     return {
         "trapped": [{**asdict(robot), "stale": list(robot.stale)} for robot in progress.trapped],
-        "stalest": {name: None if stalest is None else asdict(stalest) for name, stalest in places.items()},
+        "stalest": progress.stalest.document(),
     }
 
 

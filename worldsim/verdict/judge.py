@@ -125,9 +125,7 @@ class Verdict:
     @property
     def figures(self) -> dict[str, Any]:
         """Entries of the summary that only a look at the fog can give."""
-        return {
-            name: value for facts in (self.zones, self.open_ages) if facts for name, value in facts.figures().items()
-        }
+        return {name: value for facts in (self.zones, self.open_ages) if facts for name, value in facts.figures.items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:
