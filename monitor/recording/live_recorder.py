@@ -50,7 +50,10 @@ class LiveRecorder:
         self._events = 0
         self._grid_k = -self._every
         self.last: State | None = None
-        names, place = {robot.number: robot.name for robot in static.robots}, (static.point, static.origin)
+        names, place = (
+            {robot.number: robot.name for robot in static.robots},
+            (static.terrain.point, static.terrain.origin),
+        )
         self._file = RosFile(out, out, names, static.step, place, new=True, chunk=CHUNK)
         self._file.facts(
             scenario=str(static.scenario["name"]),
@@ -102,7 +105,7 @@ class LiveRecorder:
         """Write the constant facts, and skip events before the first state."""
         self._series_k = state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
-        self._file.ground(self._static.passable, state.k, "/fog_scale seconds", self._static.note)
+        self._file.ground(self._static.terrain.passable, state.k, "/fog_scale seconds", self._static.note)
 
     def _write_grid(self, state: State) -> None:
         static = self._static
