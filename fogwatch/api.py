@@ -25,7 +25,7 @@ from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
 from patrol.messages.telemetry import Metrics
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.scenario import Scenario, load_scenario, naming, with_notes
+from patrol.scenario import Scenario, load_scenario, naming, with_assumed
 from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
@@ -155,7 +155,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)
-        resolved = with_notes(folder.load(), scenario.translated, scenario.assumed)
+        resolved = with_assumed(folder.load(), scenario.assumed)
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         with compiling_meanwhile(missing_kernels(LATER) if watched else {}):
             return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)

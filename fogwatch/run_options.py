@@ -18,10 +18,7 @@ from patrol.pose import MODELS, TURNS_IN_ARCS
 from patrol.scenario import Scenario, parse_overrides
 from patrol.scenario.patrols import PATROLS, PRICES, patrol_settings
 
-POINT_M = 0.5
-"""Side of a point with which the paper's tables are reproduced, and for which the sensor's range was calibrated, m."""
-
-_POINTS = f"on points of {POINT_M:g} m (the paper's: 0.1 m)"
+_POINTS = "on points of 0.5 m (the paper's: 0.1 m)"
 
 PRESETS: Mapping[str, str] = {
     "paper": f"the paper's algorithm, bodies and sensor, with rules of ours where it is open or fails, {_POINTS}",
@@ -43,8 +40,7 @@ def preset_settings(name: str | None) -> dict[str, object]:
 
     paper = study("paper.printed").paper
 
-    settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}
-    return {**settings, **TO_THE_LETTER} if name == "letter" else settings
+    return {**paper().settings, **(TO_THE_LETTER if name == "letter" else {})}
 
 
 def chosen_settings(overrides: Mapping[str, object], patrol: str | None, preset: str | None) -> dict[str, object]:

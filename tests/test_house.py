@@ -349,6 +349,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(tmp_path: Path) -> None:
 OWN_FILES = {
     "agent/learned/network.py": "bytes that patrol/files/untrusted.py has read",
     "agent/psi.py": "fields that its launcher prepared",
+    "experiments/benchmark/presets.py": "data of the package",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "experiments/commands/documented.py": "pages of the clone, and what its own commands have written",

@@ -11,11 +11,11 @@ from typing import Any
 
 from patrol.errors import BadInput, did_you_mean
 
-NONE, SILENCE, DEATHS, SPOOF, LOSS, JITTER = "none", "silence", "deaths", "spoof", "loss-", "jitter-"
-ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF, "jitter-20")
+NONE, DEATHS = "none", "deaths"
+ALL = (NONE, "loss-50", "loss-90", "silence", DEATHS, "spoof", "jitter-20")
 """All conditions, with examples of `loss-P` and `jitter-P`."""
 
-MOST = {LOSS: 100, JITTER: 99}
+MOST = {"loss-": 100, "jitter-": 99}
 """The most % of a condition, by its prefix; a robot that jitters by 100 % could stand still."""
 
 DEATHS_S = (300.0, 1100.0)
@@ -33,11 +33,7 @@ def check_condition(name: str) -> None:
     """Refuse a name that is no condition."""
     parts = name.split("+")
     for part in parts:
-        if (
-            part not in (NONE, SILENCE, DEATHS, SPOOF)
-            and _percent_of(part, LOSS) is None
-            and _percent_of(part, JITTER) is None
-        ):
+        if _part_faults(part, DEATHS_OF_S) is None:
             prefix = next((prefix for prefix in MOST if part.startswith(prefix)), None)
             hint = f"no such condition; {did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
             wrong = hint if prefix is None else f"expected {prefix}1 to {prefix}{MOST[prefix]}, in whole %"
@@ -48,36 +44,31 @@ def check_condition(name: str) -> None:
 
 def least_team(name: str) -> int:
     """Return the smallest team that a condition makes sense for."""
-    return max(
-        3 if part == DEATHS else 1 if part == NONE or _percent_of(part, JITTER) else 2 for part in name.split("+")
-    )
+    return max(3 if part == DEATHS else 1 if part == NONE or "jitter" in part else 2 for part in name.split("+"))
 
 
 def faults_of(name: str, duration_s: float) -> Faults:
     """Return a condition's faults, as in a scenario."""
-    return [fault for part in name.split("+") for fault in _part_faults(part, duration_s)]
+    return [fault for part in name.split("+") for fault in _part_faults(part, duration_s) or []]
 
 
-def _part_faults(part: str, duration_s: float) -> Faults:
-    if part == SILENCE:
-        return [{"kind": "silence", "who": "all"}]
-    if part == SPOOF:
-        return [{"kind": "spoof", "as": "r1", "payload": "random"}]
-    if part == DEATHS:
-        earlier = min(duration_s / DEATHS_OF_S, 1.0)
-        return [
+def _part_faults(part: str, duration_s: float) -> Faults | None:
+    """Return the faults of one part of a condition; None if there is no such condition."""
+    if match := re.fullmatch("(loss-|jitter-)([1-9][0-9]{,2})", part):
+        share = int(match[2]) / 100.0
+        if int(match[2]) > MOST[match[1]]:
+            return None
+        if match[1] == "loss-":
+            return [{"kind": "loss", "rate": share}]
+        return [{"kind": "motion", "who": "all", "jitter": {"size": share, "every": JITTER_S}}]
+    earlier = min(duration_s / DEATHS_OF_S, 1.0)
+    faults: dict[str, Faults] = {
+        NONE: [],
+        "silence": [{"kind": "silence", "who": "all"}],
+        "spoof": [{"kind": "spoof", "as": "r1", "payload": "random"}],
+        DEATHS: [
             {"kind": "kill", "who": f"r{number}", "at": round(at_s * earlier, 3), "wreck": "removed"}
             for number, at_s in enumerate(DEATHS_S, start=1)
-        ]
-    if (size := _percent_of(part, JITTER)) is not None:
-        return [{"kind": "motion", "who": "all", "jitter": {"size": size, "every": JITTER_S}}]
-    rate = _percent_of(part, LOSS)
-    return [] if rate is None else [{"kind": "loss", "rate": rate}]
-
-
-def _percent_of(part: str, prefix: str) -> float | None:
-    """Return the share that `loss-P` or `jitter-P` means; None for another text. All frames may be lost."""
-    percent = part.removeprefix(prefix)
-    if part == percent or not re.fullmatch("[1-9][0-9]{,2}", percent) or int(percent) > MOST[prefix]:
-        return None
-    return int(percent) / 100.0
+        ],
+    }
+    return faults.get(part)

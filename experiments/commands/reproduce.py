@@ -9,21 +9,17 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 from typer.core import TyperGroup
 
 import fogwatch
 from experiments.commands.documented import read_samples
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean, printable
+from patrol.errors import BadInput, did_you_mean
 
 DIFFERS = 1
 
@@ -31,30 +27,14 @@ CLONE = Path(fogwatch.__file__).parents[1]
 """Where scripts of the documentation are, in a clone."""
 
 
-@dataclass(frozen=True, slots=True)
-class SiteFigure:
-    """A figure of the documentation, or several that one command makes."""
+def site_figures() -> dict[str, dict[str, Any]]:
+    """Return the figures of the documentation that a command makes, by name.
 
-    figure: str
-    files: tuple[str, ...]  # patterns of its pictures in the folder docs
-    command: str  # without the folder that it writes to
-    minutes: int  # of computing on one core
-
-    def words(self, out: Path) -> list[str]:
-        """Return the command with the program that runs it and its folder."""
-        program, *arguments = shlex.split(self.command)
-        if program == "fogwatch":
-            return [sys.executable, "-P", "-m", "fogwatch", *arguments, "--out", str(out)]
-        script = CLONE / arguments[0]
-        if not script.is_file():
-            raise BadInput(f"{self.figure}: needs {arguments[0]}, which only a clone has; run the command in a clone")
-        return [sys.executable, str(script), *arguments[1:], "--out", str(out.absolute())]
-
-
-def site_figures() -> list[SiteFigure]:
-    """Return the figures of the documentation that a command makes, as figures.json lists them."""
+    Each has ``files``, patterns of its pictures in the folder docs, ``command``, without the folder that it writes to,
+    and ``minutes`` of computing on one core, as figures.json lists them.
+    """
     listed = json.loads(Path(__file__).with_name("figures.json").read_text(encoding="utf-8"))
-    return [SiteFigure(row["figure"], tuple(row["files"]), row["command"], row["minutes"]) for row in listed]
+    return {row["figure"]: row for row in listed}
 
 
 class _Reproduce(TyperGroup):
@@ -69,8 +49,8 @@ class _Reproduce(TyperGroup):
 
 app = group(
     "reproduce",
-    "Reproduce the figures and numbers of the documentation, the paper's tables, and what faults cost. `fogwatch "
-    "reproduce NAME` makes a figure, `fogwatch reproduce` lists them.",
+    "Reproduce the figures and numbers of the documentation, and the paper's tables. `fogwatch reproduce "
+    "NAME` makes a figure, `fogwatch reproduce` lists them.",
     _Reproduce,
 )
 
@@ -96,11 +76,28 @@ def figure(
     if name is None:
         if out is not None:
             raise BadInput(f"--out {out}: nothing is made without a FIGURE; name one")
-        _list_figures(figures)
+        for figure in figures.values():
+            typer.echo(f"{figure['figure']}: {figure['minutes']} min: {figure['command']}")
         return 0
-    if name not in (names := [entry.figure for entry in figures]):
-        raise BadInput(f"{name}: no such figure; {did_you_mean(name, names)}")
-    _become_command(figures[names.index(name)], out or Path("runs") / name)
+    if name not in figures:
+        raise BadInput(f"{name}: no such figure; {did_you_mean(name, list(figures))}")
+    line, folder = figures[name]["command"], (out or Path("runs") / name).absolute()
+    program, *arguments = shlex.split(line)
+    for place, word in enumerate(arguments):
+        if "/" in word:  # a file of a clone
+            if not (CLONE / word).is_file():
+                raise BadInput(f"{name}: needs {word}, which only a clone has; run the command in a clone")
+            arguments[place] = str(CLONE / word)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"--out {folder}: {error.strerror}; choose another folder") from None
+    words = [sys.executable, *(("-P", "-m", "fogwatch") if program == "fogwatch" else ()), *arguments]
+    if program == "python":
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(CLONE), os.environ.get("PYTHONPATH")]))
+    typer.echo(f"{line}: takes about {figures[name]['minutes']} min of computing on one core")
+    sys.stdout.flush()
+    os.execv(words[0], [*words, "--out", str(folder)])  # so that signals and exit code are the command's own
     return None
 
 
@@ -141,37 +138,3 @@ def check(
         )
     typer.echo(f"{changed} of {len(samples)} numbers have changed")
     return DIFFERS if changed else 0
-
-
-def _become_command(figure: SiteFigure, folder: Path) -> NoReturn:
-    """Say what is made, and go on as the command that makes it, so that its signals and exit code are its own."""
-    words = figure.words(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"--out {folder}: {error.strerror}; choose another folder") from None
-    typer.echo(printable(f"{figure.command} --out {shlex.quote(str(folder))}"))
-    typer.echo(f"takes about {_minutes_text(figure.minutes)} of computing on one core")
-    typer.echo(printable(f"beside it: {', '.join(f'docs/{file}' for file in figure.files)}"))
-    sys.stdout.flush()
-    if not figure.command.startswith("fogwatch "):  # a script of a clone
-        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(CLONE), os.environ.get("PYTHONPATH")]))
-    os.execv(words[0], words)
-
-
-def _list_figures(figures: Sequence[SiteFigure]) -> None:
-    """Print the figures: as a table on a terminal, elsewhere a line each."""
-    console = Console()
-    if not console.is_terminal:
-        for figure in figures:
-            typer.echo(f"{figure.figure}: {_minutes_text(figure.minutes)}: {figure.command}")
-        return
-    table = Table("figure", "computing", "command", box=None, header_style="cyan")
-    for figure in figures:
-        table.add_row(figure.figure, _minutes_text(figure.minutes), figure.command)
-    console.print(table, highlight=False, markup=False)
-
-
-def _minutes_text(minutes: int) -> str:
-    """Return a time as text."""
-    return f"{minutes} min" if minutes < 100 else f"{minutes / 60:.1f} h"

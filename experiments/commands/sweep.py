@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +38,6 @@ from monitor.figures.style import WIDTH
 from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
-from patrol.process.aside import in_two
 from patrol.scenario.assumptions import assumption_lines
 
 LEFT_OUT = (COMPARED, SHOWN["collisions"], SHOWN["dead_end_percent"], SHOWN["fog_mean_s"], SHOWN["mfow_max_s"])
@@ -50,9 +48,6 @@ SHORT_NAME = 24
 
 FAILED = 1
 """The exit code when some of the runs failed."""
-
-FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg|pdf)")
-"""File names of the figures of sweeps."""
 
 MM_PER_INCH = 25.4
 LEAST_WIDTH_MM = 60.0
@@ -125,9 +120,10 @@ def sweep(
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    The folder gets summary.csv and summary.json (a row a case), table.tex (for a paper in LaTeX), runs.csv (a row a
-    run), comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs
-    that have a result there are not repeated, so that an interrupted sweep continues when it is started again.
+    The folder gets sweep.md (a page with tables and figures), summary.csv and summary.json (a row a case), table.tex
+    (for a paper in LaTeX), runs.csv (a row a run), comparisons.csv (paired tests of the cases that `against` compares)
+    and figures/ as PNG, SVG and PDF. Runs that have a result there are not repeated, so that an interrupted sweep
+    continues when it is started again.
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
@@ -145,7 +141,7 @@ def sweep(
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     write_tables(outcome, folder, table)
     rows = case_rows(outcome)
-    _draw_figures(rows, plan.name, folder / "figures", width)
+    _write_page(outcome, rows, folder / "sweep.md", width)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
@@ -156,7 +152,7 @@ def sweep(
     for line in plan.notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
-    files = f"{folder}: summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
+    files = f"{folder}: sweep.md, summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
     console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 
@@ -173,15 +169,15 @@ def _width_inches(figure_width_mm: float | None) -> float:
     return figure_width_mm / MM_PER_INCH
 
 
-def _draw_figures(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
-    """Write the figures of a sweep, so many inches wide; those of an earlier plan that it no longer has are removed."""
+def _write_page(outcome: SweepOutcome, rows: list[CaseRow], file: Path, width: float) -> None:
+    """Write the page of a sweep with its figures, so many inches wide."""
     from experiments.sweeps.figures import drawings  # here: its library is an extra
+    from experiments.sweeps.page import page_head, write_page
 
-    saved = in_two(lambda drawing: drawing.save(folder), drawings(rows, name, width))
-    written = {file for files in saved for file in files}
-    for file in folder.glob("*"):
-        if file not in written and FIGURE.fullmatch(file.name):
-            file.unlink()
+    names, shared = told_apart({row.case: row.words for row in rows})
+    parts = [*page_head(outcome.plan.name, outcome, "sweep"), *([f"All cases: {shared}."] if shared else [])]
+    parts.append(shown_table(rows, names).markdown())
+    write_page(file, parts, drawings(rows, outcome.plan.name, width))
 
 
 def print_cases(console: Console, rows: list[CaseRow]) -> None:

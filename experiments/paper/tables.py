@@ -2,218 +2,202 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import fmean, median
-from typing import Any
 
-from experiments.paper.printed import PaperTable, Variant, paper
-from experiments.sweeps.plan import Base, Case, Plan, make_plan
+from experiments.paper.printed import MFOW, paper
+from experiments.sweeps.cases import SHOWN, CaseRow, case_rows
+from experiments.sweeps.figures import drawings
+from experiments.sweeps.plan import CASE, Base, Case, Label, Plan, make_plan
 from experiments.sweeps.runner import SweepOutcome
-from experiments.sweeps.stats import Estimate, Fit, estimate, fit
+from experiments.sweeps.stats import Estimate, Fit, fit, with_interval
+from monitor.figures.style import Drawing
 from monitor.tables.table import Table
-
-CALLED = "the paper's tables"
-MFOW = "mfow_mean_s"
-"""Name of the paper's score among a run's metrics."""
+from patrol.errors import BadInput, did_you_mean
 
 FAR_OFF = 1.5
 """A value that differs from the paper's by more than this factor, either way, is marked."""
 
-
-@dataclass(frozen=True, slots=True)
-class PaperSetup:
-    """The settings that all cells share, besides their own."""
-
-    point: float  # side of one grid point, m
-    sensor_range: float  # m
-    seeds: tuple[int, ...]
-    # what else every cell sets in the scenario, by dotted field
-    settings: Mapping[str, object] = field(default_factory=dict)
-
-
-def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> Plan:
-    """Return the runs of some tables, each cell with each setup.
-
-    The setups are given by the ends of the cases' names; all have the same seeds.
-    """
-    cases = [
-        Case(f"{table.case(row.name, column.name)}{end}", _cell_settings(table, row, column, setup))
-        for end, setup in setups.items()
-        for table in tables
-        for row in table.rows
-        for column in table.columns
-    ]
-    (seeds,) = {setup.seeds for setup in setups.values()}
-    return make_plan("paper", Base({"name": "paper"}, Path.cwd(), CALLED), cases, seeds)
+FITTED, FITTED_BELOW_S = (2, 3), 300.0
+"""Tables that are also compared together, also by their cells with a printed value below this alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
     """One value of a table, the printed one and ours."""
 
-    row: str  # its name, with the measure's suffix
-    column: str  # its name
-    unit: str
-    paper: float | None  # the printed value; None where there is none
+    table: int  # its number
+    row: str
+    column: int | str
+    metric: str
+    printed: float | None  # None where there is none
     values: Mapping[int, float]  # ours by seed
-    # of the same runs by seed, s; empty where the value is no mean MFoW
-    mean_fog: Mapping[int, float] = field(default_factory=dict)
-
-    @property
-    def found(self) -> Estimate | None:
-        """The mean of our values over the seeds; None without any."""
-        return estimate(list(self.values.values())) if self.values else None
+    found: Estimate | None  # the mean of ours over the seeds; None without any
 
     @property
     def ratio(self) -> float | None:
         """Our mean divided by the printed value; None without one of them."""
-        value = self.found
-        return value.mean / self.paper if value is not None and self.paper else None
-
-    @property
-    def to_mean_fog(self) -> float | None:
-        """Mean MFoW divided by mean fog, mean over the seeds; None without both."""
-        ratios = [value / fog for seed, value in self.values.items() if (fog := self.mean_fog.get(seed))]
-        return fmean(ratios) if ratios else None
+        return self.found.mean / self.printed if self.found is not None and self.printed else None
 
     @property
     def far_off(self) -> bool:
         """True if our mean differs from the printed value by more than the factor `FAR_OFF`, either way."""
-        ratio = self.ratio
-        return ratio is not None and not 1.0 / FAR_OFF <= ratio <= FAR_OFF
+        return self.ratio is not None and not 1.0 / FAR_OFF <= self.ratio <= FAR_OFF
+
+    @property
+    def text(self) -> str:
+        """Our mean ± half the width of its interval, the printed value in brackets, and the ratio of the two."""
+        printed = "" if self.printed is None else f" ({self.printed:g})"
+        ratio = "" if self.ratio is None else f"x {self.ratio:.2f}"
+        return f"{with_interval(self.found, sign=' ± ')}{printed} {f'**{ratio}**' if self.far_off else ratio}".rstrip()
 
 
-@dataclass(frozen=True, slots=True)
-class TableComparison:
-    """A table, our values beside the printed ones."""
+def plan_of(
+    numbers: Sequence[int],
+    seeds: Sequence[int],
+    settings: Mapping[str, object],
+    rows: Collection[str] = (),
+    columns: Collection[str] = (),
+) -> Plan:
+    """Return the runs of some tables, each cell with `settings` on top; without names, of all rows and columns."""
+    tables = {number: paper().table(number) for number in numbers}
+    for option, names, there in (
+        ("--rows", rows, {row for table in tables.values() for row in table.rows}),
+        ("--columns", columns, {str(column) for table in tables.values() for column in table.columns}),
+    ):
+        for name in names:
+            if name not in there:
+                raise BadInput(f"{option} {name}: no such name in these tables; {did_you_mean(name, sorted(there))}")
+    cases = [
+        Case(
+            _case_name(number, row, column),
+            {**paper().settings, **table.settings, **own, table.field: column, **settings},
+            (Label(CASE, CASE, row, given=True), Label(table.field, table.over, str(column), given=False)),
+        )
+        for number, table in tables.items()
+        for row, own in table.rows.items()
+        for column in table.columns
+        if (not rows or row in rows) and (not columns or str(column) in columns)
+    ]
+    return make_plan("paper", Base({"name": "paper"}, Path.cwd(), "the paper's tables"), cases, seeds)
 
-    table: PaperTable
-    setup: PaperSetup  # all cells were run with it
-    cells: tuple[Cell, ...]  # measure by measure and row by row
-    computing_s: float  # processor time of all its runs; wall time in results of older versions
 
-    def cell(self, row: str, column: str) -> Cell | None:
-        """Return a cell, or None if there is no such cell; the row's name has its measure's suffix."""
-        return next((cell for cell in self.cells if (cell.row, cell.column) == (row, column)), None)
+def _case_name(number: int, row: str, column: int | str) -> str:
+    return f"table {number} {row} {column}"
 
 
-def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
-    """Compare our values with a table; the names of the setup's cases end with `end`."""
-    cells = []
-    for measure in table.measures:
-        is_mfow = measure.metric == MFOW
-        for row, printed in zip(table.rows, measure.values, strict=True):
-            for column, value in zip(table.columns, printed, strict=True):
-                case = f"{table.case(row.name, column.name)}{end}"
-                fog = outcome.values(case, "fog_mean_s") if is_mfow else {}
-                values = outcome.values(case, measure.metric)
-                cells.append(Cell(row.name + measure.suffix, column.name, measure.unit, value, values, fog))
-    cases = {f"{table.case(row.name, column.name)}{end}" for row in table.rows for column in table.columns}
-    keys = {run.key for run in outcome.plan.runs if run.case in cases}
-    return TableComparison(
-        table, setup, tuple(cells), sum(outcome.results[key].computing_s for key in keys & set(outcome.results))
+def cells_of(outcome: SweepOutcome) -> list[Cell]:
+    """Return the cells that were run, table by table, measure by measure and row by row."""
+    by_case = {row.case: row for row in case_rows(outcome)}
+    return [
+        Cell(number, row, column, metric, value, case.values.get(metric, {}), case.metrics.get(metric))
+        for number, table in paper().tables.items()
+        for metric, printed in table.printed.items()
+        for row, values in printed.items()
+        for column, value in zip(table.columns, values, strict=True)
+        if (case := by_case.get(_case_name(number, row, column))) is not None
+    ]
+
+
+def cells_table(cells: Sequence[Cell]) -> Table:
+    """Return the table of cells.csv."""
+    return Table.of(
+        {
+            "table": cell.table,
+            "row": cell.row,
+            "column": cell.column,
+            "metric": cell.metric,
+            "paper": cell.printed,
+            "mean": cell.found and cell.found.mean,
+            "ci95_low": cell.found and cell.found.low,
+            "ci95_high": cell.found and cell.found.high,
+            "seeds": len(cell.values),
+            "ratio": cell.ratio,
+        }
+        for cell in cells
     )
 
 
-def to_mean_fog_text(comparison: TableComparison) -> str | None:
-    """Return the ratios of mean MFoW to mean fog over a table's cells in words, or None without any.
+def page_parts(cells: Sequence[Cell], settings: Mapping[str, object], seeds: Sequence[int]) -> Iterator[str]:
+    """Yield what all cells share, how well ours fit the printed values, and the tables; `settings` are on top."""
+    shared = ", ".join(f"`{field}: {value}`" for field, value in {**paper().settings, **settings}.items())
+    yield f"Seeds {', '.join(map(str, seeds))}. In all cells: {shared}."
+    far_off = sum(cell.far_off for cell in cells)
+    yield (
+        "MFoW is a maximum, so it depends on the size of the points: compare only runs with the same size. Each cell "
+        "shows our mean over the seeds ± half the width of its 95 % interval, the printed value in brackets, and the "
+        f"ratio of the two, bold where they differ by more than a factor of {FAR_OFF:g}: {far_off} of "
+        f"{sum(cell.ratio is not None for cell in cells)}."
+    )
+    yield from _fit_section(cells)
+    yield from _table_sections(cells)
 
-    For example "MFoW : mean fog 2.1 to 3.4, median 2.6".
-    """
-    ratios = [ratio for cell in comparison.cells if (ratio := cell.to_mean_fog) is not None]
-    if not ratios:
-        return None
-    return f"MFoW : mean fog {min(ratios):.1f} to {max(ratios):.1f}, median {median(ratios):.1f}"
+
+def _table_sections(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield a section for each table, with ours beside the printed values."""
+    for number in dict.fromkeys(cell.table for cell in cells):
+        table = paper().table(number)
+        by_row: dict[str, dict[int | str, str]] = {}
+        for cell in cells:
+            if cell.table == number:
+                title = " (s)" if cell.metric == MFOW else f", {SHOWN[cell.metric]}"
+                by_row.setdefault(f"{cell.row}{title}", {})[cell.column] = cell.text
+        shown = next(iter(by_row.values()))
+        yield f"## Table {number}: {table.title}"
+        yield f"Assumed: {'; '.join(table.assumed)}."
+        rows = [[title, *texts.values()] for title, texts in by_row.items()]
+        yield Table([table.over, *map(str, shown)], rows, range(1, len(shown) + 1)).markdown()
 
 
-def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
-    """Compute how well our mean MFoWs fit the printed ones; None if there is nothing to compare.
+def _fit_section(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield how well our mean MFoWs fit the printed ones, table by table, and `FITTED` together."""
+    numbers = list(dict.fromkeys(cell.table for cell in cells))
+    fits = [(f"Table {number}", _fit_of(cells, [number])) for number in numbers]
+    if set(FITTED) <= set(numbers):
+        fits.append((f"Tables 2 and 3, printed below {FITTED_BELOW_S:g} s", _fit_of(cells, FITTED, FITTED_BELOW_S)))
+        fits.append(("Tables 2 and 3, all", _fit_of(cells, FITTED)))
+    rows = [
+        (
+            name,
+            result.cells,
+            f"{result.median_ratio:.3f}",
+            f"{result.rms_log_error:.3f}",
+            "-" if result.correlation is None else f"{result.correlation:.3f}",
+        )
+        for name, result in fits
+        if result is not None
+    ]
+    yield "## Fit"
+    yield Table(("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs"), rows).markdown()
 
-    Only cells whose printed value is below `below`, s, are used; None for all cells.
-    """
+
+def _fit_of(cells: Sequence[Cell], tables: Collection[int], below_s: float | None = None) -> Fit | None:
     pairs = [
-        (value.mean, cell.paper)
-        for comparison in comparisons
-        for cell in comparison.cells
-        if cell.unit == "s" and cell.paper is not None and (below is None or cell.paper < below)
-        if (value := cell.found) is not None and value.mean > 0.0
+        (cell.found.mean, cell.printed)
+        for cell in cells
+        if cell.table in tables and cell.metric == MFOW and cell.printed is not None and cell.found is not None
+        if cell.found.mean > 0.0 and (below_s is None or cell.printed < below_s)
     ]
     return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
 
 
-def fits_of(comparisons: Sequence[TableComparison]) -> list[tuple[str, Fit]]:
-    """Return the fit of each table, and of those together that the sensor range is fitted to, each with its name.
-
-    The latter are there twice, first by their cells below the paper's limit, and only if all of them were run.
-    """
-    fits = [(f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons]
-    fitted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
-    if len(fitted) == len(paper().fit_tables):
-        names = " and ".join(str(number) for number in paper().fit_tables)
-        fits.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
-        fits.append((f"Tables {names}, all", fit_of(fitted)))
-    return [(name, fit) for name, fit in fits if fit is not None]
-
-
-def fit_texts(found: Fit) -> list[str]:
-    """Return median ratio, error and correlation of a fit as texts."""
-    correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
-    return [f"{found.median_ratio:.3f}", f"{found.rms_log_error:.3f}", correlation]
-
-
-def as_json(comparison: TableComparison) -> dict[str, Any]:
-    """Return the content of table_N.json.
-
-    ``ci95`` is [low, high], ``seeds`` the number of values; ``values`` holds them by seed.
-    """
-    setup = comparison.setup
-    return {
-        "table": comparison.table.number,
-        "title": comparison.table.title,
-        "point": setup.point,
-        "sensor_range": setup.sensor_range,
-        "assumed": list(comparison.table.assumed),
-        "set": dict(setup.settings),
-        "run_computing_s": comparison.computing_s,
-        "cells": [
-            {
-                "row": cell.row,
-                "column": cell.column,
-                "unit": cell.unit,
-                "paper": cell.paper,
-                "mean": cell_value.mean if (cell_value := cell.found) else None,
-                "ci95": cell_value.interval if cell_value else None,
-                "seeds": len(cell.values),
-                "ratio": cell.ratio,
-                "to_mean_fog": cell.to_mean_fog,
-                "values": {str(seed): value for seed, value in cell.values.items()},
-            }
-            for cell in comparison.cells
-        ],
+def table_drawings(outcome: SweepOutcome, cells: Sequence[Cell]) -> list[Drawing]:
+    """Draw our values, with the printed ones as marks: for each table and measure."""
+    printed = {
+        (_case_name(cell.table, cell.row, cell.column), cell.metric): cell.printed
+        for cell in cells
+        if cell.printed is not None
     }
-
-
-def as_table(comparison: TableComparison) -> Table:
-    """Return the content of table_N.csv."""
-    heads = ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
-    rows = []
-    for cell in comparison.cells:
-        value = cell.found
-        numbers = [None, None, None] if value is None else [value.mean, value.low, value.high]
-        ratios = (cell.ratio, cell.to_mean_fog)
-        rows.append([cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), *ratios])
-    return Table(heads, rows)
-
-
-def _cell_settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:
-    return {
-        **paper().settings,
-        **table.settings,
-        **row.settings,
-        **column.settings,
-        "point": setup.point,
-        "sensor.range": setup.sensor_range,
-        **setup.settings,
-    }
+    by_case = {row.case: row for row in case_rows(outcome)}
+    drawn = []
+    for number, table in paper().tables.items():
+        rows: dict[str, CaseRow] = {}
+        for cell in cells:
+            if cell.table == number:
+                name = _case_name(number, cell.row, cell.column)
+                rows[name] = by_case[name]
+        shown = {metric: SHOWN[metric] for metric in table.printed}
+        figures = drawings(list(rows.values()), f"Table {number}: {table.title}", shown=shown, printed=printed)
+        drawn += [replace(figure, name=f"table-{number}-{figure.name}") for figure in figures]
+    return drawn

@@ -40,6 +40,7 @@ class Dot:
     values: Sequence[float] = ()  # single ones, drawn as small marks
     hollow: bool = False  # the marker is drawn empty
     note: str = ""  # at the right end of the row
+    printed: float | None = None  # another value of the same, drawn as a black mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,8 @@ def draw_dots(axes: Axes, rows: Sequence[str], dots: Iterable[Dot], series: Sequ
             elinewidth=1.0,
         )
         labelled.add(dot.series)
+        if dot.printed is not None:
+            axes.plot(dot.printed, y, "|", color="black", markersize=9, markeredgewidth=1.8, zorder=5)
         if dot.note:
             axes.annotate(
                 dot.note,

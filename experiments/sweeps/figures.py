@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from experiments.sweeps.cases import (
@@ -26,6 +27,7 @@ from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, sca
 from experiments.sweeps.plan import CASE
 from monitor.figures.style import MUTED, WIDTH, Drawing, figure
 from patrol.errors import quoted
+from patrol.palette import ROBOTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,21 +47,29 @@ POLICY = "patrol.policy"
 Fill = Callable[["Axes"], None]
 
 
-def drawings(rows: Sequence[CaseRow], sweep: str, width: float = WIDTH) -> list[Drawing]:
+def drawings(
+    rows: Sequence[CaseRow],
+    sweep: str,
+    width: float = WIDTH,
+    *,
+    shown: Mapping[str, str] = SHOWN,
+    printed: Mapping[tuple[str, str], float] = MappingProxyType({}),
+) -> list[Drawing]:
     """Draw the figures of a sweep.
 
-    For each measure that some case has, there are dots by case, changes where cases are compared, and curves where a
-    setting is a number. Where policies (or named cases) stand beside another axis, dots are grouped: a row for each
-    value of the other axes, a colour for each policy.
+    `shown` has the titles of the measures that are drawn, and `printed` published values by case and measure, which are
+    drawn as marks. For each measure that some case has, there are dots by case, changes where cases are compared, and
+    curves where a setting is a number. Where policies (or named cases) stand beside another axis, dots are grouped: a
+    row for each value of the other axes, a colour for each policy.
 
     `width` is in inches. Figures that are narrower than a page are exactly so wide and show no caption, because a paper
     brings its own.
     """
-    figures = _Figures(rows, sweep, width)
+    figures = _Figures(rows, sweep, width, printed)
     tests = paired_tests(rows)
     setting = _number_setting(rows)
     charts = []
-    for metric, title in SHOWN.items():
+    for metric, title in shown.items():
         measured = [row for row in rows if metric in row.metrics]
         compared = [test for test in tests if test.metric == metric and test.change is not None]
         if measured and len(measured) <= MOST_ROWS:
@@ -74,7 +84,10 @@ def drawings(rows: Sequence[CaseRow], sweep: str, width: float = WIDTH) -> list[
 class _Figures:
     """Draws the figures of one sweep, all of one width, with the same names and colours."""
 
-    def __init__(self, rows: Sequence[CaseRow], sweep: str, width: float) -> None:
+    def __init__(
+        self, rows: Sequence[CaseRow], sweep: str, width: float, printed: Mapping[tuple[str, str], float]
+    ) -> None:
+        self._printed = printed
         axis = _series_axis(rows)
         self._series = {row.case: _text_on(row, axis) for row in rows}
         self._order = list(dict.fromkeys(self._series.values()))
@@ -96,7 +109,9 @@ class _Figures:
                 row.metrics[metric],
                 self._series[row.case],
                 list(row.values[metric].values()),
+                hollow=metric.startswith("mfow") and not seen_all(row),
                 note=f"n = {row.runs}" if counts != {row.runs} else "",
+                printed=self._printed.get((row.case, metric)),
             )
             for row in rows
         ]
@@ -105,7 +120,9 @@ class _Figures:
             self._draw_dots(axes, dots, f"{title}{_same_n(counts)}")
             scale(axes, [dot.found.mean for dot in dots])
 
-        caption = f"Means over n seeds with their 95 % intervals; grey: the single runs. {self._about}."
+        hollow = " Hollow: some ground was never seen." * any(dot.hollow for dot in dots)
+        marks = " Black marks: printed values." * any(dot.printed is not None for dot in dots)
+        caption = f"Means over n seeds with their 95 % intervals; grey: the single runs.{hollow}{marks} {self._about}."
         return self._make_drawing(f"cases-{metric}", title, caption, fill, self._figure_height(dots))
 
     def changes(self, tests: Sequence[PairedTest], metric: str, title: str) -> Drawing:
@@ -193,14 +210,24 @@ class _Figures:
         return Drawing(name, heading[0].upper() + heading[1:], caption, make, is_exact=not self._is_whole)
 
 
+def seen_all(row: CaseRow) -> bool:
+    """Return False if some ground was never seen in some run."""
+    return "seen_share" not in row.metrics or row.metrics["seen_share"].mean == 1.0
+
+
 def _series_axis(rows: Sequence[CaseRow]) -> str | None:
-    """Return the axis whose values have a colour each: policies, else named cases, where another axis varies too."""
+    """Return the axis whose values have a colour each, where another axis varies too.
+
+    That is policies, else named cases, else, if there are more of these than colours, another axis.
+    """
     texts: dict[str, set[str]] = {}
     for row in rows:
         for label in row.labels:
             texts.setdefault(label.axis, set()).add(label.text)
-    varied = [axis for axis, choices in texts.items() if len(choices) > 1]
-    return next((axis for axis in (POLICY, CASE) if axis in varied and len(varied) > 1), None)
+    varied = {axis: len(choices) for axis, choices in texts.items() if len(choices) > 1}
+    if len(varied) < 2 or not {POLICY, CASE} & set(varied):
+        return None
+    return next((axis for axis in (POLICY, CASE, *varied) if varied.get(axis, math.inf) <= len(ROBOTS)), None)
 
 
 def _text_on(row: CaseRow, axis: str | None) -> str:

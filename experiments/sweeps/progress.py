@@ -24,7 +24,7 @@ from fogwatch.terminal.live_table import bar_on, duration_text
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
 
-RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
+RESULT_OPTIONS = ("--out", "--workers", "--cluster")
 """Options that say where results are made and written, and change none."""
 
 TRIED = 6

@@ -16,26 +16,34 @@ from patrol.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
 
-OLD_WORDS = {
-    "key new": "fleet key",
-    "key": "fleet key",
-    "experiment": "reproduce",
-    "paper all": "reproduce table",
-    "paper": "reproduce",
-}
+OLD_WORDS = {"key new": "fleet key", "key": "fleet key", "paper all": "reproduce table", "paper": "reproduce"}
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
 
-BARE = ("paper", "experiment", "paper table")
+BARE = ("paper", "paper table")
 """Old words that asked for more where nothing followed them; their new words alone would list or run all."""
 
 _MCAP = "the tool mcap does that: mcap doctor FILE inspects a recording, mcap recover FILE -o NEW saves a damaged one"
+_FAULTS = "what faults cost is a sweep: fogwatch sweep examples/sweeps/faults.yaml, or fault-kinds.yaml beside it"
 GONE = {
+    "experiment": f"`fogwatch experiment` is gone; {_FAULTS}",
+    "reproduce calibrate": "`fogwatch reproduce calibrate` is gone; fogwatch reproduce table 2 3 --set sensor.range=R "
+    "tells how well a range fits",
+    **{
+        f"reproduce table --{field.replace('.', '-')}": f"`fogwatch reproduce table` has no option for {field} now; "
+        f"give --set {field}=NUMBER"
+        for field in ("point", "duration", "sensor.range")
+    },
+    "reproduce faults": f"`fogwatch reproduce faults` is gone; {_FAULTS}",
     "chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch",
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
     "record --check": f"`fogwatch record --check` is gone; {_MCAP}",
     "record --repair": f"`fogwatch record --repair` is gone; {_MCAP}",
     "run --threads": "`fogwatch run --threads` is gone; give --workers, which makes processes and is faster",
     "map random": "`fogwatch map random` is gone; a clone of fogwatch has such buildings in examples/maps",
+    **{
+        f"benchmark --{option}": f"`fogwatch benchmark --{option}` is gone; give --terrains FILE.graph+MAP.yaml"
+        for option in ("map", "graph")
+    },
     **{
         f"intruder {option}": f"`fogwatch intruder {option}` is gone, and so is the learned intruder; leave it out"
         for option in ("--learned", "--horizon", "--trials")
@@ -57,16 +65,18 @@ def renew_words(words: Sequence[str]) -> list[str]:
 
 def _translate(words: Sequence[str]) -> list[str]:
     """Return a command line in new words; tell which ones where it has old ones."""
-    options = {word.partition("=")[0] for word in words}
+    old = find_old_words(words)
+    new = renew_words(words)
+    options = {word.partition("=")[0] for word in new}
     for old_words, remedy in GONE.items():
         commands = [word for word in old_words.split() if not word.startswith("-")]
-        if list(words[: len(commands)]) == commands and options.issuperset(old_words.split()[len(commands) :]):
+        if new[: len(commands)] == commands and options.issuperset(old_words.split()[len(commands) :]):
             raise BadInput(remedy)
-    if (old := find_old_words(words)) is not None:
+    if old is not None:
         complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
         if (line := " ".join(words)) in BARE:
             raise BadInput(f"{line}: say which one; see fogwatch reproduce --help")
-    return renew_words(words)
+    return new
 
 
 def run_app(app: typer.Typer) -> int:

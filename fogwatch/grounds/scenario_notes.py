@@ -141,7 +141,6 @@ def scenario_notes(prepared: Prepared) -> list[str]:
         *([] if left_out is None else [f"left out: {left_out.text}{_start_there(left_out)}"]),
         *_in_sight(prepared),
         *_not_drawn(prepared),
-        *prepared.scenario.translated,
     ]
 
 

@@ -14,7 +14,7 @@ from patrol.scenario.load import (
     same_but_for_files,
     scenario_hash,
     scenario_schema,
-    with_notes,
+    with_assumed,
     with_spares,
 )
 from patrol.scenario.model import Scenario
@@ -63,6 +63,6 @@ __all__ = [
     "same_but_for_files",
     "scenario_hash",
     "scenario_schema",
-    "with_notes",
+    "with_assumed",
     "with_spares",
 ]

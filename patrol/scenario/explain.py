@@ -19,6 +19,7 @@ from patrol.scenario.policies import (
     DEFAULT,
     PAPER,
     STOCHASTIC,
+    TOUR_STATED,
     CommittedOptions,
     PatrolSpec,
     PotentialFieldOptions,
@@ -196,11 +197,11 @@ def _unknown_key(key: str, section: type[Section]) -> str:
         return "one-way zones are gone; drop it, or keep robots out with keep_out"
     if issubclass(section, PatrolSpec) and key in GONE:
         return f"is no setting of patrol; set {GONE[key]}"
+    if section is CommittedOptions and key in TOUR_STATED:
+        return f"is gone: {COMMITTED} is the tour alone; drop it, or set patrol.policy to {STOCHASTIC}"
     for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):
         if section is options and key in PotentialFieldOptions.model_fields:
             return f"does nothing for the policy {policy}; leave it out, or set patrol.policy to {PAPER}"
-    if section is CommittedOptions and key in StochasticOptions.model_fields:
-        return f"does nothing for the policy {COMMITTED}, which is the tour; set patrol.policy to {STOCHASTIC}"
     return f"unknown key; {_nearest_key(key, section)}"
 
 

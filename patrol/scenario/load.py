@@ -37,7 +37,6 @@ from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import SECTIONS, one_line
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
-from patrol.scenario.older import translate_patrol
 from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.radio_spec import IDEAL, RadioSpec
 from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
@@ -136,13 +135,13 @@ def changed_scenario(scenario: Scenario, overrides: Overrides, called: str = "sc
         overrides = {"step": AUTO, **overrides}
     changed = load_scenario(as_mapping(scenario), overrides, called=called)
     overridden = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
-    return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - overridden))
+    return with_assumed(changed, changed.assumed | (scenario.assumed - overridden))
 
 
-def with_notes(scenario: Scenario, translated: tuple[str, ...], assumed: frozenset[str]) -> Scenario:
-    """Return a copy of a scenario that knows what loading has noted of its source."""
+def with_assumed(scenario: Scenario, assumed: frozenset[str]) -> Scenario:
+    """Return a copy of a scenario that knows what its source leaves out."""
     noted = scenario.model_copy()
-    noted.__dict__.update(translated=translated, assumed=assumed)
+    noted.__dict__["assumed"] = assumed
     return noted
 
 
@@ -218,9 +217,6 @@ def _resolve_scenario(
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
-    notes: list[str] = []
-    if isinstance(raw.get("patrol"), dict):
-        raw["patrol"] = translate_patrol(raw["patrol"], notes)
     patrol = raw.get("patrol")
     for section, default in _CLASSES:
         top, _, field = section.NAMED.partition(".")
@@ -229,14 +225,10 @@ def _resolve_scenario(
             entry.pop(f"{field}_sha256", None)  # it is of the class that is replaced, and so are its settings
             if overrides[section.NAMED] != entry.get(field, default):
                 entry.pop("options", None)
-                if section is PatrolSpec:
-                    notes.clear()
     if "patrol.options.weights" in overrides and isinstance(patrol, dict) and isinstance(patrol.get("options"), dict):
         patrol["options"].pop("weights_sha256", None)
     for field, value in overrides.items():
         _override_field(raw, field, value)
-    if "patrol" in overrides and isinstance(raw["patrol"], dict):
-        raw["patrol"] = translate_patrol(raw["patrol"], notes)
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
     if follows := raw.get("step", AUTO) == AUTO:
@@ -252,7 +244,7 @@ def _resolve_scenario(
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
-    return with_notes(scenario, tuple(f"{source}: {note}" for note in notes), assumed)
+    return with_assumed(scenario, assumed)
 
 
 def _left_out(scenario: Scenario) -> frozenset[str]:

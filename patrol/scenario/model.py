@@ -88,11 +88,6 @@ class Scenario(Section):
         return resolve_lengths(self.patrol, self.roster, self.point, self.step, self.sensor.range)
 
     @cached_property
-    def translated(self) -> tuple[str, ...]:
-        """Settings of earlier versions that loading has replaced, one line each. It is no field, like `roster`."""
-        return ()
-
-    @cached_property
     def assumed(self) -> frozenset[str]:
         """Dotted fields of what a run announces that its source leaves out. It is no field, like `roster`."""
         return frozenset()

@@ -11,7 +11,7 @@ from experiments.benchmark.conditions import check_condition, faults_of, least_t
 from experiments.benchmark.matrix import (
     Matrix,
     NamedSettings,
-    plan_of,
+    places_of,
     read_conditions,
     read_policies,
     read_teams,
@@ -61,7 +61,7 @@ def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -
 def test_robots_die_within_a_shorter_run() -> None:
     assert [fault["at"] for fault in faults_of("deaths", 600.0)] == [100.0, 366.667]
     one = matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
-    (run,) = plan_of(one).runs
+    (run,) = one.plan().runs
     timeline = Timeline(run.scenario)
     assert run.scenario.ticks == 1200
     assert [bool(timeline.acts(k)) for k in (199, 200, 734)] == [False, True, True]
@@ -91,21 +91,21 @@ def test_a_refused_condition_says_what_there_is(name: str, says: str) -> None:
 
 
 def test_cells_are_all_combinations_that_have_enough_robots() -> None:
-    cells = matrix().cells
-    tried = {(cell.team, cell.condition) for cell in cells}
+    plan = matrix().plan()
+    places = [places_of(case) for case in plan.cases]
+    tried = {(int(place["team"]), place["condition"]) for place in places}
     assert tried == {(2, "none"), (2, "loss-50"), (4, "none"), (4, "loss-50"), (4, "deaths")}
-    assert len(cells) == 10
+    assert len(places) == 10
     assert [least_team(name) for name in ("none", "spoof", "loss-90+deaths")] == [1, 2, 3]
-    plan = plan_of(matrix())
     assert all(run.games for run in plan.runs)
     assert len({run.key for run in plan.runs}) == 20
-    for run, cell in zip(plan.runs, [cell for cell in cells for _ in (1, 2)], strict=True):
-        assert run.case == cell.name
-        assert len(run.scenario.roster) == cell.team
+    for run, place in zip(plan.runs, [place for place in places for _ in (1, 2)], strict=True):
+        assert run.case.startswith(f"{place['policy']} on {place['terrain']}, {place['team']} robots, ")
+        assert len(run.scenario.roster) == int(place["team"])
         assert run.scenario.duration == 600.0
-        assert len(run.scenario.faults) == {"none": 0, "loss-50": 1, "deaths": 2}[cell.condition]
+        assert len(run.scenario.faults) == {"none": 0, "loss-50": 1, "deaths": 2}[place["condition"]]
     with pytest.raises(BadInput, match=r"\A--teams 1,2: deaths needs 3 robots or more; give a larger team or drop"):
-        plan_of(matrix(teams=(1, 2)))
+        matrix(teams=(1, 2)).plan()
 
 
 def test_policies_may_have_options_and_be_classes() -> None:
@@ -129,7 +129,7 @@ def test_terrains_are_built_in_or_maps_and_may_have_a_graph() -> None:
     [
         (read_policies, "sebs,sebs", "--policies: sebs occurs 2 times; name it once"),
         (read_policies, "sebs,", "'sebs,': expected names with commas between, such as stochastic,even-tour"),
-        (read_policies, "sebs:=3", "--policies sebs:=3: =3: expected OPTION=VALUE"),
+        (read_policies, "sebs:=3", "--policies sebs:=3: expected NAME or NAME:OPTION=VALUE"),
         (read_policies, "sebs:", "--policies sebs:: expected NAME or NAME:OPTION=VALUE"),
         (read_policies, "g2=3", "--policies g2=3: expected NAME or NAME:OPTION=VALUE"),
         (read_terrains, "opem", "--terrains opem: no such built-in terrain, and no map's YAML file; did you mean open"),
@@ -149,4 +149,4 @@ def test_what_makes_no_sense_is_one_line(read: object, text: str, says: str) -> 
 
 def test_a_map_that_is_missing_is_said(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no such file"):
-        plan_of(matrix(terrains=read_terrains(str(tmp_path / "gone.yaml")), conditions=("none",)))
+        matrix(terrains=read_terrains(str(tmp_path / "gone.yaml")), conditions=("none",)).plan()

@@ -6,23 +6,32 @@ import csv
 import io
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from experiments.benchmark import markdown
-from experiments.benchmark import results as tables
 from experiments.benchmark.conditions import faults_of
-from experiments.benchmark.matrix import Matrix, plan_of, read_policies, read_terrains
-from experiments.benchmark.page import drawings
-from experiments.benchmark.page import page as html_page
-from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
-from experiments.sweeps.cases import cases_table
+from experiments.benchmark.matrix import Matrix, read_policies, read_terrains
+from experiments.benchmark.plane import plane_drawings
+from experiments.benchmark.presets import preset_named, presets
+from experiments.benchmark.results import (
+    INTRUDED,
+    LATE,
+    MEASURES,
+    OVER_TOUR,
+    SEEN,
+    cell_rows,
+    groups_of,
+    page_parts,
+    policy_table,
+    run_rows,
+    with_ratios,
+)
+from experiments.sweeps.cases import CaseRow, case_rows
+from experiments.sweeps.figures import drawings
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
 from tests.experiments.sweeps.test_sweep_runs import Here
-from tests.present import present
 
 TINY = Matrix(
     policies=read_policies("committed,sebs:g2=50"),
@@ -37,63 +46,59 @@ TINY = Matrix(
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> SweepOutcome:
-    return run_sweep(plan_of(TINY), tmp_path_factory.mktemp("benchmark"), workers=Here())
+    return with_ratios(run_sweep(TINY.plan(), tmp_path_factory.mktemp("benchmark"), workers=Here()))
 
 
 @pytest.fixture(scope="module")
-def results(outcome: SweepOutcome) -> tables.BenchmarkResults:
+def rows(outcome: SweepOutcome) -> list[CaseRow]:
     assert not outcome.failed
-    return tables.results_of(TINY, outcome)
+    return case_rows(outcome)
 
 
-def test_there_is_a_line_for_each_run_and_one_for_each_cell(
-    outcome: SweepOutcome, results: tables.BenchmarkResults
-) -> None:
-    runs = list(csv.DictReader(io.StringIO(tables.run_rows(results).csv())))
+def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcome, rows: list[CaseRow]) -> None:
+    runs = list(csv.DictReader(io.StringIO(run_rows(outcome).csv())))
     made = [(run["condition"], run["policy"], run["seed"]) for run in runs]
     assert made == list(product(("none", "silence"), ("committed", "sebs:g2=50"), "12"))
     by_trace = {result.trace_hash: result for result in outcome.results.values()}
     for run in runs:
         metrics = by_trace[run["trace_hash"]].metrics
-        assert float(run[tables.LATE]) == metrics[tables.LATE]
-        assert float(run[tables.OVER_TOUR]) == pytest.approx(float(run[tables.LATE]) / float(run["best_tour_s"]))
+        assert float(run[LATE]) == metrics[LATE]
+        assert float(run[OVER_TOUR]) == pytest.approx(float(run[LATE]) / float(run["best_tour_s"]))
         assert float(run["intruder_random_25s_percent"]) == metrics["intruder_random_25s_percent"]
-    cells = list(csv.DictReader(io.StringIO(cases_table(tables.cell_rows(results)).csv())))
+    cells = list(csv.DictReader(io.StringIO(cell_rows(rows, 1).csv())))
     assert len(cells) == 4
-    expected = estimate([float(run[tables.LATE]) for run in runs[:2]])
-    assert float(cells[0][tables.LATE]) == pytest.approx(expected.mean)
-    assert float(cells[0][f"{tables.LATE}_low"]) == pytest.approx(expected.low)
+    expected = estimate([float(run[LATE]) for run in runs[:2]])
+    assert float(cells[0][LATE]) == pytest.approx(expected.mean)
+    assert float(cells[0][f"{LATE}_low"]) == pytest.approx(expected.low)
     assert cells[0]["command"] == runs[0]["command"]
     assert cells[2]["command"].count("silence") == 1
 
 
-def test_the_tables_show_what_was_seen_where_not_all_was(results: tables.BenchmarkResults) -> None:
-    (_, _, cells), _ = results.groups
-    table = tables.policy_table(cells)
-    rows = table.rows
+def test_the_tables_show_what_was_seen_where_not_all_was(rows: list[CaseRow]) -> None:
+    (name, group), _ = groups_of(rows)
+    assert name == "2 robots, no fault"
+    table = policy_table(group)
     assert table.heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
-    assert [row[0] for row in rows] == ["best tour found", "committed", "sebs:g2=50"]
-    share = present(cells[0].mean(tables.SEEN))
+    assert [row[0] for row in table.rows] == ["*best tour found*", "`committed`", "`sebs:g2=50`"]
+    share = group[0].metrics[SEEN].mean
     assert share < 1.0, "30 s are too short"
-    assert rows[1][1] == f"({100 * share:.2f} % seen)"
-    shown = {measure.metric: cells[0].text(measure) for measure in tables.MEASURES}
-    assert shown[tables.LATE] == shown[tables.OVER_TOUR] == rows[1][1], "neither is an age"
-    assert "seen" not in shown["fog_mean_s"]
-    fog = cells[0].row.metrics["fog_mean_s"]
-    assert rows[1][2] == f"{fog.mean:.0f}"
-    text = markdown.page(TINY, results, command="fogwatch benchmark", computing_s=60.0)
-    assert "    fogwatch benchmark        # 8 runs, 1 min of computing on one core" in text
+    assert table.rows[1][1] == f"({100 * share:.2f} % seen)"
+    assert table.rows[1][2] == f"{group[0].metrics['fog_mean_s'].mean:.0f}"
+    text = "\n".join(page_parts(TINY, rows, None))
+    assert "duration = 30.0, point = 2.0, robots.model = holonomic; seeds 1, 2." in text
     assert "## 2 robots, silence" in text
     assert "| *best tour found* | " in text
-    assert f"| `committed` | {rows[1][1]} | {rows[1][2]} | " in text
+    assert f"| `committed` | {table.rows[1][1]} | {table.rows[1][2]} | " in text
 
 
-def test_attacks_longer_than_the_run_are_none(results: tables.BenchmarkResults) -> None:
-    assert all(result.mean(tables.INTRUDED) is None for result in results.cells)
-    assert all(0.0 <= (result.mean("intruder_random_25s_percent") or 0.0) <= 100.0 for result in results.cells)
-    drawn = [drawing.name for drawing in drawings(TINY, results)]
-    assert drawn[:2] == ["attacks", f"dots-{tables.LATE}"], "no figure shows attacks of 75 s"
-    assert f"dots-{tables.INTRUDED}" not in drawn
+def test_attacks_longer_than_the_run_are_none(rows: list[CaseRow]) -> None:
+    assert all(INTRUDED not in row.metrics for row in rows)
+    assert all(0.0 <= row.metrics["intruder_random_25s_percent"].mean <= 100.0 for row in rows)
+    assert not list(plane_drawings(rows)), "no figure shows attacks of 75 s"
+    drawn = {drawing.name: drawing for drawing in drawings(rows, "benchmark", shown=MEASURES)}
+    assert f"cases-{INTRUDED}" not in drawn
+    assert "Hollow: some ground was never seen." in drawn[f"cases-{LATE}"].caption
+    assert "Hollow" not in drawn["cases-fog_mean_s"].caption
 
 
 WAYS = [[f"{n} {way} 10" for n, way in ((v - 1, "W"), (v + 1, "E")) if 0 <= n < 40] for v in range(40)]
@@ -104,61 +109,58 @@ GRAPH = "40 688 499 0.075 0 0\n" + "\n".join(
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> tuple[Path, Path]:
+def terrain(tmp_path: Path) -> str:
     (tmp_path / "c.yaml").write_text("image: c.pgm\n")
     (tmp_path / "c.graph").write_text(GRAPH)
-    return tmp_path / "c.yaml", tmp_path / "c.graph"
+    return f"{tmp_path / 'c.graph'}+{tmp_path / 'c.yaml'}"
 
 
-def test_presets_set_the_published_conditions(files: tuple[Path, Path]) -> None:
-    matrix = preset_matrix("magec", read_policies("sebs"), (1,), *files, {"radio.forget_after": "30"})
+def preset_matrix(name: str, terrain: str, **settings: object) -> Matrix:
+    dotted = {field.replace("__", "."): value for field, value in settings.items()}
+    return preset_named(name).matrix(read_policies("sebs"), read_terrains(terrain), (1,), dotted)
+
+
+def test_presets_set_the_published_conditions(terrain: str) -> None:
+    matrix = preset_matrix("magec", terrain, radio__forget_after="30")
     assert (matrix.teams, matrix.duration_s) == ((6,), 1800.0)
     assert matrix.conditions == ("none", "loss-50", "loss-90+deaths")
-    settings = matrix.cells[2].settings
-    assert settings["robots.model"] == "differential"
-    assert settings["robots.speed"] == 0.52
-    assert settings["terrain.graph"] == {"file": str(files[1]), "visit": 0.25}
-    assert settings["radio.forget_after"] == "30"
-    faults: Any = settings["faults"]
-    assert [(fault["kind"], fault.get("at")) for fault in faults] == [("loss", None), ("kill", 300.0), ("kill", 1100.0)]
-    settings = preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {}).cells[0].settings
-    assert (settings["duration"], settings["robots.count"], settings["robots.speed"]) == (500.0, 6, 1.0)
-    assert settings["robots.starts"] == [[1.5 + 0.75 * vertex, 7.5] for vertex in (0, 8, 16, 24, 32, 39)]
-    assert "faults" not in settings
-    assert settings["terrain.patrolled"] == "vertices"
-    assert settings["sensor.range"] == pytest.approx(0.4 - 0.1 * 2**0.5, abs=1e-6)
-    assert settings["point"] == 0.1
-    jittered = preset_matrix("m2bench-jitter", read_policies("sebs"), (1,), *files, {}).cells[-1].settings
-    assert jittered == settings | {"faults": faults_of("jitter-25", 500.0)}
-    with pytest.raises(BadInput, match=r"--point 0\.2: visits within 0\.4 m need at most 0\.1"):
-        preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {"point": 0.2})
+    assert matrix.settings["robots.model"] == "differential"
+    assert matrix.settings["robots.speed"] == 0.52
+    assert matrix.settings["terrain.graph"] == {"file": terrain.partition("+")[0], "visit": 0.25}
+    assert matrix.settings["radio.forget_after"] == "30"
+    matrix = preset_matrix("m2bench", terrain)
+    assert (matrix.teams, matrix.duration_s, matrix.settings["robots.speed"]) == ((6,), 500.0, 1)
+    assert matrix.settings["robots.starts"] == [[1.5 + 0.75 * vertex, 7.5] for vertex in (0, 8, 16, 24, 32, 39)]
+    assert matrix.conditions == ("none",)
+    assert matrix.settings["terrain.patrolled"] == "vertices"
+    assert matrix.settings["sensor.range"] == pytest.approx(0.4 - 0.1 * 2**0.5, abs=1e-6)
+    assert matrix.settings["point"] == 0.1
+    jittered = preset_matrix("m2bench-jitter", terrain)
+    assert jittered.settings == matrix.settings
+    assert faults_of(jittered.conditions[-1], 500.0)[0]["jitter"]["size"] == 0.25
 
 
-def test_a_preset_says_where_its_files_come_from(files: tuple[Path, Path], tmp_path: Path) -> None:
-    policies = read_policies("sebs")
+def test_a_preset_says_where_its_files_come_from(terrain: str, tmp_path: Path) -> None:
     where = "maps/cumberland of the public repository github.com/davidbsp/patrolling_sim"
-    with pytest.raises(BadInput, match=f"--preset magec: needs --map cumberland.yaml and --graph .*{where}"):
-        preset_matrix("magec", policies, (1,), files[0], None, {})
-    with pytest.raises(BadInput, match=f"--graph .*gone.graph: no such file; get it from {where}"):
-        preset_matrix("magec", policies, (1,), files[0], tmp_path / "gone.graph", {})
-    files[1].write_text("1 1 1 1 0 0 0 1 1 0")
+    for other in ("yards", "gone.graph+gone.yaml", f"yards,{terrain}"):
+        with pytest.raises(BadInput, match=rf"needs --terrains cumberland.graph\+cumberland.yaml; get .*{where}"):
+            preset_matrix("magec", other)
+    (tmp_path / "c.graph").write_text("1 1 1 1 0 0 0 1 1 0")
     with pytest.raises(BadInput, match=f"has 1 vertices, cumberland 40; get it from {where}"):
-        preset_matrix("magec", policies, (1,), *files, {})
+        preset_matrix("magec", terrain)
 
 
-def test_published_numbers_stand_beside_ours(results: tables.BenchmarkResults) -> None:
-    table = beside_published(PRESETS["m2bench"], results.cells)
-    rows = table.rows
+def test_published_numbers_stand_beside_ours(rows: list[CaseRow]) -> None:
+    table = preset_named("m2bench").beside_ours(rows)
     assert table.heads[:5] == ["theirs", "condition", "ours", "WI (s) theirs", "WI (s) ours"]
-    by_system = {row[0]: row for row in rows}
+    by_system = {row[0]: row for row in table.rows}
     assert by_system["SEBS"][2:5] == ["sebs", "199.4", "-"], "sebs:g2=50 is another policy"
-    assert ["-", "silence", "sebs:g2=50"] in [row[:3] for row in rows]
-    for preset in PRESETS.values():
-        assert {one.condition for one in preset.published} == set(preset.conditions)
-        assert {len(one.values) for one in preset.published} == {len(preset.measures)}
-        plan = {policy.name for policy in read_policies("ahpa,cbls,cr,dtag,dtap,er,gbs,hcr,hpcc,random,sebs")}
-        assert {one.policy for one in preset.published if one.policy} <= plan
-    shown = html_page(TINY, results, [], command="fogwatch benchmark", preset=PRESETS["m2bench"])
-    assert "terrain.patrolled: vertices" in shown
-    assert "`" not in shown
-    assert tables.MEASURES[0].metric == tables.LATE
+    assert ["-", "silence", "sebs:g2=50"] in [row[:3] for row in table.rows]
+    for preset in presets().values():
+        assert {line[2] for line in preset.published} == set(preset.conditions)
+        assert {len(line) for line in preset.published} == {3 + len(preset.measures)}
+        policies = {policy.name for policy in read_policies("ahpa,cbls,cr,dtag,dtap,er,gbs,hcr,hpcc,random,sebs")}
+        assert {line[1] for line in preset.published if line[1]} <= policies
+    shown = "\n".join(page_parts(TINY, rows, preset_named("m2bench")))
+    assert "## Beside M2Bench's stored results" in shown
+    assert "(`terrain.patrolled: vertices`)" in shown

@@ -137,6 +137,10 @@ def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, run: Comma
     code, said, _ = run("sweep", file, "--out", tmp_path / "out", "--workers", "1")
     assert code == 1
     assert "failed runs" in said
+    page = (tmp_path / "out" / "sweep.md").read_text(encoding="utf-8")
+    assert "**2 runs failed or were not valid; they are left out.**" in page
+    assert "\n| good | 2 | " in page
+    assert "![Mean MFoW (s)](figures/cases-mfow_mean_s.png)" in page
     outcomes = [(one["case"], one["outcome"]) for one in results(tmp_path / "out")]
     assert outcomes == [("good", "ok")] * 2 + [("crash", "failed")] * 2
 

@@ -230,10 +230,7 @@ def test_every_command_names_the_argument_its_value_and_the_remedy(
         ("key", "fleet key"),
         ("paper table", "reproduce table"),
         ("paper all", "reproduce table"),
-        ("paper calibrate", "reproduce calibrate"),
         ("paper", "reproduce"),
-        ("experiment faults", "reproduce faults"),
-        ("experiment", "reproduce"),
     ],
 )
 def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: Shell) -> None:
@@ -257,7 +254,11 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("intruder --horizon=9 runs/a", "`fogwatch intruder --horizon` is gone"),
         ("paper", "say which one"),
         ("paper table", "say which one"),
-        ("experiment", "say which one"),
+        ("experiment faults --seeds 1", "`fogwatch experiment` is gone; what faults cost is a sweep: fogwatch sweep"),
+        ("paper calibrate --seeds 1", "`fogwatch reproduce calibrate` is gone; fogwatch reproduce table 2 3 --set"),
+        ("reproduce table 2 --point=1", "has no option for point now; give --set point=NUMBER"),
+        ("benchmark --preset magec --map a.yaml", "`fogwatch benchmark --map` is gone; give --terrains FILE.graph+"),
+        ("reproduce faults", "`fogwatch reproduce faults` is gone; what faults cost is a sweep"),
     ],
 )
 def test_words_of_1_0_that_cannot_go_on_say_so(words: str, error: str, shell: Shell) -> None:

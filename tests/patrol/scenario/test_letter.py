@@ -102,10 +102,16 @@ def test_random_steps_that_no_robot_makes_are_refused() -> None:
     assert load_scenario(written, {"patrol.options.random_move": 0.3}) != read()
 
 
-@pytest.mark.parametrize("policy", ["stochastic", "committed"])
-def test_random_steps_are_no_setting_of_policies_that_keep_to_a_place(policy: str) -> None:
+@pytest.mark.parametrize(
+    ("policy", "why"),
+    [
+        ("stochastic", "does nothing for the policy stochastic; leave it out, or set"),
+        ("committed", "is gone: committed is the tour alone; drop it, or set patrol.policy to stochastic"),
+    ],
+)
+def test_random_steps_are_no_setting_of_policies_that_keep_to_a_place(policy: str, why: str) -> None:
     overrides = {"patrol.policy": policy, "patrol.options.random_move": 0.3}
-    with pytest.raises(BadInput, match=rf"random_move: does nothing for the policy {policy}; leave it out, or set"):
+    with pytest.raises(BadInput, match=f"random_move: {why}"):
         load_scenario(YARDS, overrides)
 
 

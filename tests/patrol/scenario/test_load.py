@@ -37,7 +37,7 @@ pace: lockstep                   # lockstep | realtime | a factor of real time
 robots: {count: 5, model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5}
 sensor: {range: 10, angle: 360, line_of_sight: true, quality: 1.0}
 patrol:
-  policy: committed
+  policy: stochastic
   options: {separation: claims, unpredictability: 1}
   avoidance: goal-refinement
 radio: {trail: 0, key: null, forget_after: 10}

@@ -1,1 +1,0 @@
-"""The faults experiment: what faults cost, and the page of its results."""
