@@ -245,14 +245,12 @@ def stop_text(stopped: str) -> str | None:
 
 def _robot_row(robot: RobotState, pose: Pose) -> RobotTick:
     """Return a robot as in a tick of the journal, without the fields that no robot reports."""
+    place, command = (pose.x, pose.y, pose.heading), (0.0, 0.0)
     return RobotTick(
-        number=robot.number,
-        status=robot.status,
-        x=pose.x,
-        y=pose.y,
-        heading=pose.heading,
-        c0=0.0,
-        c1=0.0,
+        robot.number,
+        robot.status,
+        *place,
+        *command,
         bumped=False,
         state=robot.state,
         goal=None,

@@ -40,8 +40,8 @@ class RobotShape:
     name: str
     model: str
     radius: float  # of the body, m
-    range_m: float  # of its sensor
-    angle_deg: float  # field of view of its sensor
+    range: float  # of its sensor, m
+    angle: float  # field of view of its sensor, degrees
     spare: bool = False  # takes part only once an operator or a fault lets it join
 
     @classmethod

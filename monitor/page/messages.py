@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -45,18 +46,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "direct": static.direct,
             "late": static.late,
             "marks": _map_marks(static),
-            "robots": [
-                {
-                    "number": robot.number,
-                    "name": robot.name,
-                    "model": robot.model,
-                    "radius": robot.radius,
-                    "range": robot.range_m,
-                    "angle": robot.angle_deg,
-                    "spare": robot.spare,
-                }
-                for robot in static.robots
-            ],
+            "robots": [asdict(robot) for robot in static.robots],
         }
     )
 
