@@ -29,6 +29,7 @@ from patrol.security.control_auth import Admitted, ControlGate, RequestRefused
 if TYPE_CHECKING:
     from collections import Counter
 
+    from patrol.net.mailbox import Question
     from patrol.scenario import Scenario
     from worldsim.mailbox import CountingMailbox
     from worldsim.world import World
@@ -37,20 +38,6 @@ if TYPE_CHECKING:
 TIMELINE = "timeline.yaml"
 MOST_AT_ONCE = 64
 """Requests of strangers that are read at once, at most, so that a flood of them takes little of a tick."""
-
-
-class Question(Protocol):
-    """The port of a request that came over the network, so that it can be tested without one."""
-
-    @property
-    def payload(self) -> bytes:
-        """The content of the request."""
-        ...
-
-    @property
-    def answer(self) -> Callable[[bytes], None]:
-        """Sends the answer."""
-        ...
 
 
 class ControlMailbox:

@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from patrol.errors import in_flow
 from patrol.faults.kinds import (
@@ -155,22 +155,18 @@ class Timeline:
         end: int | None = begin
         if isinstance(fault, Lasting):
             end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
+        robots: dict[str, Any] = {}
         if isinstance(fault, OnLinks):
-            sources = self._resolve_target(fault.sources, index, TargetField.FROM)
-            return Entry(
-                index, fault, begin, end, (), sources, self._resolve_target(fault.targets, index, TargetField.TO)
-            )
-        if isinstance(fault, Partition):
-            return Entry(index, fault, begin, end, groups=self._resolve_groups(fault, index))
-        if isinstance(fault, Spoof):
-            forger = 0 if fault.by == STRANGER else self._names[fault.by]
-            return Entry(
-                index, fault, begin, end, self._resolve_target(fault.victims, index, TargetField.AS), (forger,)
-            )
-        if isinstance(fault, OnClosure):
-            return Entry(index, fault, begin, end)
-        assert isinstance(fault, OnRobots)
-        return Entry(index, fault, begin, end, self._resolve_target(fault.who, index, TargetField.WHO))
+            robots["sources"] = self._resolve_target(fault.sources, index, TargetField.FROM)
+            robots["targets"] = self._resolve_target(fault.targets, index, TargetField.TO)
+        elif isinstance(fault, Partition):
+            robots["groups"] = self._resolve_groups(fault, index)
+        elif isinstance(fault, Spoof):
+            robots["who"] = self._resolve_target(fault.victims, index, TargetField.AS)
+            robots["sources"] = (0 if fault.by == STRANGER else self._names[fault.by],)
+        elif isinstance(fault, OnRobots):
+            robots["who"] = self._resolve_target(fault.who, index, TargetField.WHO)
+        return Entry(index, fault, begin, end, **robots)
 
     def _resolve_target(self, who: str | tuple[str, ...] | Some, index: int, field: TargetField) -> tuple[int, ...]:
         """Return the robots that a target means, ascending."""

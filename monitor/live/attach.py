@@ -7,9 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monitor.live.feed_client import FeedClient, first_answer
-from patrol.errors import BadInput
+from monitor.live.feed_client import FeedClient
+from patrol.errors import BadInput, Malformed
 from patrol.files.untrusted import leads_out
+from patrol.messages.feed import SoFar, read_so_far
 from patrol.net.link import Link
 from patrol.net.open_links import open_links
 from patrol.process.options import Meeting, meeting
@@ -30,6 +31,7 @@ SCENARIO = "scenario.yaml"
 _LOG = Log("monitor")
 
 POLL_S = 0.2
+"""Wall time between two requests for the state so far, s."""
 
 
 class NoAnswer(BadInput):
@@ -120,43 +122,58 @@ def _of_a_world(
     met: Meeting, token: str | None, wait_s: float, ending: Ending, own: Scenario | None, key: bytes | None
 ) -> Source | None:
     from monitor.live.feed_source import FeedSource
-    from monitor.live.record_checks import is_run_of
 
-    keys = met.keys
     links = open_links(met.router, None, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
     if links is None:
         return None
     link: Link = links[0]
-    client = FeedClient(link, keys, token)
-    until = time.monotonic() + wait_s
-
-    def waits(pause_s: float) -> bool:
-        if time.monotonic() >= until:
-            client.batch(0.0)  # learns whether the world is there
-            if client.present:
-                raise NoAnswer(keys.fleet, client.waits or "the world is there, and gives no answer")
-            if own is not None:  # an operator's credentials may be those of robots without a world
-                raise BadInput(
-                    f"the run {keys.fleet}: its world does not answer at {met.meets_at}; if it has just been started, "
-                    "look again; otherwise its logs say what happened"
-                )
-            revoked = ", or these credentials were revoked" if met.revocable else ""
-            raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet answers at {met.meets_at}{revoked}; check both, or give "
-                "--scenario FILE for robots without a world"
-            )
-        return ending.wait(pause_s)
-
+    client = FeedClient(link, met.keys, token)
     try:
-        fits = partial(is_run_of, own)
-        so_far = first_answer(client, keys.fleet, lambda: bool(ending), waits, fits)
-        source = None if so_far is None else FeedSource(keys.fleet, client, so_far, key=key)
+        so_far = _first_answer(client, met, wait_s, ending, own)
+        source = None if so_far is None else FeedSource(met.keys.fleet, client, so_far, key=key)
     except BaseException:
         link.close()
         raise
     if source is None:
         link.close()
     return source
+
+
+def _first_answer(
+    client: FeedClient, met: Meeting, wait_s: float, ending: Ending, own: Scenario | None
+) -> SoFar | None:
+    """Request the state of the run so far until the world answers; return None when asked to end.
+
+    The answer must be of a run of the scenario `own`, or of any run if that is None.
+    """
+    from monitor.live.record_checks import is_run_of
+
+    fleet, until = met.keys.fleet, time.monotonic() + wait_s
+    while not ending:
+        wrong: Malformed | None = None
+        for payload in client.so_far():
+            try:
+                return read_so_far(payload, fits=partial(is_run_of, own))
+            except Malformed as malformed:
+                wrong = malformed
+        if wrong is not None:
+            raise BadInput(f"--fleet {fleet}: its world runs another version ({wrong}); use one version on all hosts")
+        if time.monotonic() >= until:
+            client.batch(0.0)  # learns whether the world is there
+            if client.present:
+                raise NoAnswer(fleet, client.waits or "the world is there, and gives no answer")
+            if own is not None:  # an operator's credentials may be those of robots without a world
+                raise BadInput(
+                    f"the run {fleet}: its world does not answer at {met.meets_at}; if it has just been started, "
+                    "look again; otherwise its logs say what happened"
+                )
+            revoked = ", or these credentials were revoked" if met.revocable else ""
+            raise BadInput(
+                f"--fleet {fleet}: no world of this fleet answers at {met.meets_at}{revoked}; check both, or give "
+                "--scenario FILE for robots without a world"
+            )
+        ending.wait(POLL_S)
+    return None
 
 
 def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, ending: Ending) -> Source | None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from monitor.observation.source import Answer
-from patrol.errors import BadInput, Malformed
-from patrol.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, SoFar, read_so_far
+from patrol.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch
 from patrol.messages.telemetry import EVENTS, MAX_NOTICE, WAITS, Notice
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.security.control_auth import ControlClient, Unanswered
@@ -91,29 +90,3 @@ class FeedClient:
     def close(self) -> None:
         """Close the connection."""
         self._link.close()
-
-
-def first_answer(
-    client: FeedClient,
-    fleet: str,
-    stopped: Callable[[], bool],
-    waits: Callable[[float], bool],
-    fits: Callable[[bytes, int, int], bool] = lambda *_: True,
-) -> SoFar | None:
-    """Request the state of the run so far until the world answers; return None when stopped.
-
-    `waits` waits for a number of seconds and returns whether to stop. `fits` says of an answer's header, and of its
-    terrain's height and width, whether they can be of this fleet.
-    """
-    while not stopped():
-        wrong: Malformed | None = None
-        for payload in client.so_far():
-            try:
-                return read_so_far(payload, fits=fits)
-            except Malformed as malformed:
-                wrong = malformed
-        if wrong is not None:
-            raise BadInput(f"--fleet {fleet}: its world runs another version ({wrong}); use one version on all hosts")
-        if waits(0.2):
-            return None
-    return None

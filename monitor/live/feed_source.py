@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-from array import array
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -24,7 +22,18 @@ from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
 from monitor.live.record_checks import RunChecks, record_of, scenario_of
 from monitor.observation.link_counts import LiveLinks
 from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
-from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static, TickRate
+from monitor.observation.source import (
+    Answer,
+    Layer,
+    RobotShape,
+    RobotState,
+    Series,
+    SeriesLog,
+    Source,
+    State,
+    Static,
+    TickRate,
+)
 from monitor.observation.traps import TrapWatch
 from patrol.closures.ground import Closings
 from patrol.energy.batteries import Batteries
@@ -71,7 +80,7 @@ REFUSED_S = 10.0
 """Time for which a page says that records of the feed were refused, s."""
 
 
-class FeedSource:
+class FeedSource(Source):
     """A `monitor.observation.source.Source` that reads the feed of a world."""
 
     def __init__(
@@ -89,7 +98,8 @@ class FeedSource:
         """
         header = record_of(so_far.header)
         scenario = scenario_of(header, *so_far.last_seen.shape) if isinstance(header, Header) else None
-        if not isinstance(header, Header) or scenario is None or set(so_far.ground.area_of) != set(_numbers(header)):
+        numbers = [] if scenario is None else [spec.number for spec in scenario.roster]
+        if not isinstance(header, Header) or scenario is None or set(so_far.ground.area_of) != set(numbers):
             raise BadInput(f"--fleet {name}: its world runs another version; use one version on all hosts")
         self._name = name
         self._key = key
@@ -99,26 +109,24 @@ class FeedSource:
         self._ground = so_far.ground
         self._first = so_far
         self._given = self._scenario = scenario
-        self._planned = len(self._scenario.faults)
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
-        self._footprint = sensor_footprint(self._scenario, self._terrain)
+        self._footprint = sensor_footprint(scenario, self._terrain)
         self._closings = Closings(scenario.closures, self._terrain)
-        self._step = self._scenario.step
+        self._step = scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
-        self._numbers = _numbers(header)
+        self._numbers = numbers
         self._checks = RunChecks.of(scenario, self._terrain.bounds)
-        self._refused = 0
         self._refused_at = -math.inf
         self._end: End | None = None
         self._place = {number: index for index, number in enumerate(self._numbers)}
         self._events: list[Event] = []
         self._next_event = 0
         # With a direct radio the journal has the frames that the world overheard; those that robots heard are unknown.
-        self._direct = self._scenario.radio.via == "direct"
+        self._direct = scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
         self._trackers = FogTrackers(self._make_tracker)
-        self._traps = TrapWatch(prepare(self._scenario, self._terrain))
+        self._traps = TrapWatch(prepare(scenario, self._terrain))
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
         self._last: TickRecord | None = None
@@ -136,20 +144,12 @@ class FeedSource:
 
     def static(self) -> Static:
         """See `Source`."""
-        shape = (self._scenario.sensor.range, self._scenario.sensor.angle)
-        spares = self._scenario.spares
-        robots = tuple(
-            RobotShape(robot.number, robot.name, robot.model, robot.radius, *shape, robot.number in spares)
-            for robot in self._header.robots
-        )
         return Static(
             name=self._name,
             scenario=self._header.scenario,
-            passable=self._ground.passable,
+            terrain=self._terrain,
             patrolled=self._ground.patrolled,
-            point=self._terrain.point,
-            origin=self._terrain.origin,
-            robots=robots,
+            robots=RobotShape.all_of(self._given),
             step=self._step,
             ticks=self._scenario.ticks,
             bound_s=self._header.bound_s,
@@ -214,9 +214,7 @@ class FeedSource:
 
     def series(self, after: int) -> Series:
         """See `Source`."""
-        first = bisect_right(self._ticks, after)
-        mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
-        return Series(np.array(self._ticks[first:], dtype=np.int64), mfow, mean)
+        return self._series.after(after)
 
     def events(self, since: int) -> Sequence[Event]:
         """See `Source`."""
@@ -252,8 +250,8 @@ class FeedSource:
         self._last = last if isinstance(last, TickRecord) and self._checks.tick(last) else None
         self._end = None
         self._batteries.resume(so_far.charge, () if self._last is None else self._last.robots)
-        self._ticks = array("q", range(0, len(so_far.mfow) * so_far.every, so_far.every))
-        self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
+        ticks = range(0, len(so_far.mfow) * so_far.every, so_far.every)
+        self._series = SeriesLog(self._step, ticks, so_far.mfow.tolist(), so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
         events = sorted(self._checks.events(so_far.asked), key=lambda event: event.k)
@@ -277,7 +275,6 @@ class FeedSource:
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
                 if not self._take_record(packed):
-                    self._refused += 1
                     self._refused_at = self._now()
                     self._lost = True
                     return
@@ -338,9 +335,7 @@ class FeedSource:
         self._batteries.tick(record.robots)
         self._add_events(self._traps.tick(record, lambda: self._truth.last_seen, self._closings))
         self._paths.append(places)
-        self._ticks.append(k)
-        self._mfow.append(record.mfow)
-        self._mean.append(record.fog_mean)
+        self._series.add(k, record.mfow, record.fog_mean)
         self._links.tick(record)
         self._rate.add(self._now(), k)
 
@@ -404,7 +399,7 @@ class FeedSource:
             ended=self._end_reason,
             intruders=intruders_there(self._scenario, k),
             looks=looks_at(self._scenario, coming, self._closings),
-            faults=in_force(self._scenario, coming, self._planned),
+            faults=in_force(self._scenario, coming, len(self._given.faults)),
             note=self._silence_note(),
             gone=self._end_reason is None and not self._client.present,
         )
@@ -435,7 +430,3 @@ class FeedSource:
         if waits := self._client.waits:
             return waits
         return f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
-
-
-def _numbers(header: Header) -> list[int]:
-    return [robot.number for robot in header.robots]

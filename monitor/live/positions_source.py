@@ -7,17 +7,14 @@ from __future__ import annotations
 
 import re
 import time
-from array import array
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.hearing import Hearing
 from monitor.observation.listener import NO_ROBOT, Listener
-from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, SeriesLog, Source, State, Static
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
@@ -32,6 +29,7 @@ from patrol.security.private_files import fleet_key
 from patrol.wire import read
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from patrol.net.link import Link
@@ -47,7 +45,7 @@ CONNECTED, DISCONNECTED = "connected", "disconnected"
 """Kinds of events: a robot's process has connected, or has disconnected."""
 
 
-class PositionsSource:
+class PositionsSource(Source):
     """A `monitor.observation.source.Source` that only listens."""
 
     def __init__(
@@ -96,7 +94,7 @@ class PositionsSource:
         self._hearing = Hearing()
         self._present: set[str] = set()
         self._events: list[Event] = []
-        self._ticks, self._mfow, self._mean = array("q"), array("d"), array("d")
+        self._series = SeriesLog(scenario.step)
         self._k = -1
         air.subscribe(keys.position("*"), self._frames)
         link.subscribe(keys.telemetry("*"), self._reports)
@@ -104,18 +102,12 @@ class PositionsSource:
 
     def static(self) -> Static:
         """See `Source`."""
-        sensor, terrain = self._scenario.sensor, self._prepared.terrain
         return Static(
             name=self._name,
             scenario=as_mapping(self._scenario),
-            passable=terrain.passable,
+            terrain=self._prepared.terrain,
             patrolled=self._prepared.patrolled,
-            point=terrain.point,
-            origin=terrain.origin,
-            robots=tuple(
-                RobotShape(spec.number, spec.name, spec.model, spec.radius, sensor.range, sensor.angle, spec.spare)
-                for spec in self._roster
-            ),
+            robots=RobotShape.all_of(self._scenario),
             step=self._scenario.step,
             ticks=None,
             bound_s=None,
@@ -146,27 +138,13 @@ class PositionsSource:
         """See `Source`."""
         return self._listener.fog.last_seen if layer == HEARD else None
 
-    def since(self, layer: Layer) -> int:  # noqa: ARG002 - its ticks count from its start
-        """See `Source`."""
-        return 0
-
     def tick(self, layer: Layer) -> int:  # noqa: ARG002 - it has one fog
         """See `Source`."""
         return self._k
 
-    def set_shown(self, layers: Collection[Layer]) -> None:
-        """See `Source`; its fog is always up to date."""
-
-    def trail(self, first: int, last: int) -> None:
-        """See `Source`; the page collects the trail."""
-
     def series(self, after: int) -> Series:
         """See `Source`."""
-        ticks = np.array(self._ticks, dtype=np.int64)
-        first = int(np.searchsorted(ticks, after, side="right"))
-        step = self._scenario.step
-        mfow, mean = (np.array(values[first:], dtype=np.float64) * step for values in (self._mfow, self._mean))
-        return Series(ticks[first:], mfow, mean)
+        return self._series.after(after)
 
     def events(self, since: int) -> Sequence[Event]:
         """See `Source`; robots that have connected and disconnected."""
@@ -208,9 +186,7 @@ class PositionsSource:
                 self._events.append(Event(k, CONNECTED if message.present else DISCONNECTED, number))
         self._k = k
         fog = self._listener.fog
-        self._ticks.append(k)
-        self._mfow.append(fog.mfow(k))
-        self._mean.append(fog.mean(k))
+        self._series.add(k, fog.mfow(k), fog.mean(k))
         self._events += self._traps.tick(self._heard_record(k), lambda: fog.last_seen)
 
     def _hear_frame(self, k: int, key: str, frame: bytes) -> None:
@@ -224,7 +200,7 @@ class PositionsSource:
         return TickRecord(k, rows, (), (), (), 0, 0.0, 0)
 
     def _make_state(self) -> State:
-        step = self._scenario.step
+        step, fog = self._scenario.step, self._listener.fog
         return State(
             k=self._k,
             time_s=self._k * step,
@@ -233,8 +209,8 @@ class PositionsSource:
             ticks_per_s=1.0 / step,
             robots=tuple(self._robot_state(spec.number) for spec in self._roster),
             looks=looks_at(self._scenario, self._k),
-            mfow_s=self._mfow[-1] * step,
-            fog_mean_s=self._mean[-1] * step,
+            mfow_s=fog.mfow(self._k) * step,
+            fog_mean_s=fog.mean(self._k) * step,
             note="" if self._listener.peers else "no position received yet",
         )
 
@@ -269,14 +245,12 @@ def stop_text(stopped: str) -> str | None:
 
 def _robot_row(robot: RobotState, pose: Pose) -> RobotTick:
     """Return a robot as in a tick of the journal, without the fields that no robot reports."""
+    place, command = (pose.x, pose.y, pose.heading), (0.0, 0.0)
     return RobotTick(
-        number=robot.number,
-        status=robot.status,
-        x=pose.x,
-        y=pose.y,
-        heading=pose.heading,
-        c0=0.0,
-        c1=0.0,
+        robot.number,
+        robot.status,
+        *place,
+        *command,
         bumped=False,
         state=robot.state,
         goal=None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from patrol.journal.records import Event
@@ -52,8 +52,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
             name, kind, verb = (*words, "", "", "")[:3]
             if verb == _ENDS and name in open_bands:
                 index = open_bands.pop(name)
-                before = bands[index]
-                bands[index] = Band(before.id, before.kind, before.begin, time_s, before.text)
+                bands[index] = replace(bands[index], end=time_s)
             elif verb in (_BEGINS, _HAPPENS):
                 if verb == _BEGINS:
                     open_bands[name] = len(bands)

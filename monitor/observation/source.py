@@ -6,17 +6,22 @@ One thread reads a source (`wait`, `last_seen`, `series`, `events`); reading nev
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_right
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+import numpy as np
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
+    from patrol.ground.terrain import Terrain
     from patrol.journal.records import Event, Status
     from patrol.pose import Pose
+    from patrol.scenario import Scenario
     from patrol.scenario.marks import Looks
 
 
@@ -35,9 +40,17 @@ class RobotShape:
     name: str
     model: str
     radius: float  # of the body, m
-    range_m: float  # of its sensor
-    angle_deg: float  # field of view of its sensor
+    range: float  # of its sensor, m
+    angle: float  # field of view of its sensor, degrees
     spare: bool = False  # takes part only once an operator or a fault lets it join
+
+    @classmethod
+    def all_of(cls, scenario: Scenario) -> tuple[RobotShape, ...]:
+        """Return the properties of a scenario's robots."""
+        seen = scenario.sensor.range, scenario.sensor.angle
+        return tuple(
+            cls(spec.number, spec.name, spec.model, spec.radius, *seen, spec.spare) for spec in scenario.roster
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +59,8 @@ class Static:
 
     name: str
     scenario: Mapping[str, Any]
-    passable: NDArray[np.bool_]  # (h, w), row 0 at the lowest y
+    terrain: Terrain
     patrolled: NDArray[np.bool_]  # (h, w), row 0 at the lowest y
-    point: float  # side of a point, m
-    origin: tuple[float, float]  # lower left corner of the grid, m
     robots: tuple[RobotShape, ...]
     step: float  # s
     ticks: int | None  # of the whole run; None when unknown
@@ -134,6 +145,29 @@ class Series:
     fog_mean_s: NDArray[np.float64]
 
 
+class SeriesLog:
+    """MFoW and mean fog of the ticks that have become known so far."""
+
+    def __init__(
+        self, step: float, ticks: Iterable[int] = (), mfow: Iterable[float] = (), fog_mean: Iterable[float] = ()
+    ) -> None:
+        """Start with some ticks; `step` is their duration, s, and the measures are in ticks."""
+        self._step = step
+        self._ticks, self._mfow, self._mean = array("q", ticks), array("d", mfow), array("d", fog_mean)
+
+    def add(self, k: int, mfow: float, fog_mean: float) -> None:
+        """Add the next tick that is known."""
+        self._ticks.append(k)
+        self._mfow.append(mfow)
+        self._mean.append(fog_mean)
+
+    def after(self, k: int) -> Series:
+        """Return the ticks later than k."""
+        first = bisect_right(self._ticks, k)
+        mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
+        return Series(np.array(self._ticks[first:], dtype=np.int64), mfow, mean)
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """The result of a control."""
@@ -143,7 +177,7 @@ class Answer:
 
 
 class Source(Protocol):
-    """Source of all that a page shows."""
+    """Source of all that a page shows. Those that inherit from it may leave out what has a default here."""
 
     def static(self) -> Static:
         """Return the constant properties; available from the beginning."""
@@ -168,21 +202,21 @@ class Source(Protocol):
         """The tick of a fog: that of the state that `wait` returned last, or up to `Static.late` ticks earlier."""
         ...
 
-    def set_shown(self, layers: Collection[Layer]) -> None:
+    def set_shown(self, layers: Collection[Layer]) -> None:  # noqa: ARG002 - for those that need it
         """Set which fogs to keep up to date: those that open pages show, also in the background."""
-        ...
+        return
 
-    def since(self, layer: Layer) -> int:
+    def since(self, layer: Layer) -> int:  # noqa: ARG002 - likewise
         """Return the tick from which on a fog is known. Points last seen before it may have been seen later."""
-        ...
+        return 0
 
-    def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
+    def trail(self, first: int, last: int) -> NDArray[np.float64] | None:  # noqa: ARG002 - likewise
         """Return the robots' positions at ticks `first` to `last`, inclusive.
 
         The array is float64 (last - first + 1, robots, 2), m, with NaN for robots without a body. None is returned
         where the page collects the trail from the states, because time only runs forwards.
         """
-        ...
+        return None
 
     def series(self, after: int) -> Series:
         """Return MFoW and mean fog of the first layer, all that is known later than tick `after`.
@@ -209,7 +243,7 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Release links, files and memory."""
-        ...
+        return
 
 
 WINDOW_S = 3.0

@@ -82,7 +82,7 @@ class Hub:
         """Prepare to read the source, which close() closes."""
         self.source = source
         self.static = source.static()
-        self.terrain = terrain_packet(self.static.passable, self.static.patrolled)
+        self.terrain = terrain_packet(self.static.terrain.passable, self.static.patrolled)
         self.failure: BaseException | None = None
         self._now = now
         self._frame_s = LIVE_FRAME_S if self.static.live else FRAME_S

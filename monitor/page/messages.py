@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.maps import SIDE, Survey, layer_number
 from patrol.ground.marks import outline
-from patrol.ground.terrain import Terrain
 from patrol.journal.records import Event
 from patrol.scenario.marks import marks_of
 from patrol.scenario.patrols import describe_patrol
@@ -22,18 +22,18 @@ from patrol.scenario.patrols import describe_patrol
 
 def static_message(static: Static, may_control: bool) -> str:
     """Return the constant properties of the source, the first message of a connection."""
-    height, width = static.passable.shape
+    patrol = static.scenario.get("patrol")
     return _to_json(
         {
             "type": "static",
             "name": static.name,
             "title": str(static.scenario.get("name", static.name)),
-            "patrol": _patrol_text(static),
-            "width": width,
-            "height": height,
+            "patrol": describe_patrol(patrol["policy"]) if patrol else "",
+            "width": static.terrain.width,
+            "height": static.terrain.height,
             "side": SIDE,
-            "point": static.point,
-            "origin": list(static.origin),
+            "point": static.terrain.point,
+            "origin": list(static.terrain.origin),
             "step": static.step,
             "ticks": static.ticks,
             "bound": static.bound_s,
@@ -46,26 +46,9 @@ def static_message(static: Static, may_control: bool) -> str:
             "direct": static.direct,
             "late": static.late,
             "marks": _map_marks(static),
-            "robots": [
-                {
-                    "number": robot.number,
-                    "name": robot.name,
-                    "model": robot.model,
-                    "radius": robot.radius,
-                    "range": robot.range_m,
-                    "angle": robot.angle_deg,
-                    "spare": robot.spare,
-                }
-                for robot in static.robots
-            ],
+            "robots": [asdict(robot) for robot in static.robots],
         }
     )
-
-
-def _patrol_text(static: Static) -> str:
-    """Describe the patrol; empty where the source knows no scenario."""
-    patrol = static.scenario.get("patrol")
-    return describe_patrol(patrol["policy"]) if patrol else ""
 
 
 def state_message(state: State, survey: Survey | None, static: Static) -> str:
@@ -98,10 +81,8 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
                 [
                     int(robot.status),
                     robot.state,
-                    None
-                    if robot.pose is None
-                    else [_round_number(v) for v in (robot.pose.x, robot.pose.y, robot.pose.heading)],
-                    None if robot.goal is None else [_round_number(value) for value in robot.goal],
+                    None if robot.pose is None else _round_numbers((robot.pose.x, robot.pose.y, robot.pose.heading)),
+                    None if robot.goal is None else _round_numbers(robot.goal),
                     _round_number(robot.decision_ms),
                     _round_number(robot.heard_s),
                     None if robot.trapped is None else [_round_number(robot.trapped.since_s), robot.trapped.exact],
@@ -119,9 +100,7 @@ def trail_message(first: int, trail: NDArray[np.float64]) -> str:
     `trail` is float64 (ticks, robots, 2), m, with NaN for robots without a body. `first` is the tick of its first row.
     """
     rows = trail.reshape(len(trail), -1).tolist()
-    return _to_json(
-        {"type": "trail", "first": first, "rows": [[_round_number(value) for value in row] for row in rows]}
-    )
+    return _to_json({"type": "trail", "first": first, "rows": list(map(_round_numbers, rows))})
 
 
 def links_message(links: LinkCounts, k: int) -> str:
@@ -133,9 +112,9 @@ def links_message(links: LinkCounts, k: int) -> str:
         {
             "type": "links",
             "k": k,
-            "sent": _flatten_values(links.sent),
-            "delivered": _flatten_values(links.delivered),
-            "heard": _flatten_values(links.heard),
+            "sent": links.sent.ravel().tolist(),
+            "delivered": links.delivered.ravel().tolist(),
+            "heard": links.heard.ravel().tolist(),
             "since": links.since,
         }
     )
@@ -147,8 +126,8 @@ def series_message(series: Series) -> str:
         {
             "type": "series",
             "k": series.ticks.tolist(),
-            "mfow": [_round_number(value) for value in series.mfow_s.tolist()],
-            "mean": [_round_number(value) for value in series.fog_mean_s.tolist()],
+            "mfow": _round_numbers(series.mfow_s.tolist()),
+            "mean": _round_numbers(series.fog_mean_s.tolist()),
         }
     )
 
@@ -178,21 +157,20 @@ def _map_marks(static: Static) -> list[dict[str, Any]]:
 
     Of ground that may be closed `runs` are its points, as [first, count] of each run; [] of any other.
     """
-    terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
+    terrain, shown = static.terrain, []
     for mark in marks_of(static.scenario, terrain):
         says: dict[str, Any] = {
             "section": mark.section,
             "kind": mark.kind,
             "name": mark.name,
             "label": mark.label,
-            "at": [_round_number(value) for value in mark.at],
+            "at": _round_numbers(mark.at),
             "radius": mark.radius,
             "edges": [],
             "runs": [],
         }
         if mark.points is not None:
-            edges = outline(mark.points, terrain).tolist()
-            says["edges"] = [[_round_number(value) for value in edge] for edge in edges]
+            says["edges"] = list(map(_round_numbers, outline(mark.points, terrain).tolist()))
             if mark.closes:
                 indices = np.flatnonzero(mark.points)
                 begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
@@ -202,18 +180,17 @@ def _map_marks(static: Static) -> list[dict[str, Any]]:
 
 
 def _stalest_values(survey: Survey, static: Static) -> list[float | bool | None]:
-    (x, y), point = static.origin, static.point
-    centre = x + (survey.col + 0.5) * point, y + (survey.row + 0.5) * point
-    return [*map(_round_number, (*centre, survey.age * static.step)), survey.ever_seen]
-
-
-def _flatten_values(values: NDArray[np.int64]) -> list[int]:
-    return [int(value) for value in values.ravel()]
+    centre = static.terrain.centre(survey.row, survey.col)
+    return [*_round_numbers((*centre, survey.age * static.step)), survey.ever_seen]
 
 
 def _round_number(value: float | None) -> float | None:
     """Return a number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
+
+
+def _round_numbers(values: Iterable[float]) -> list[float | None]:
+    return [_round_number(value) for value in values]
 
 
 def _to_json(message: dict[str, Any]) -> str:

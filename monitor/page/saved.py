@@ -145,8 +145,8 @@ def _record_frames(run: Run, progress: Callable[[Iterable[int]], Iterable[int]])
     static = replace(player.static(), layers=("truth",))
     every = -(-run.ticks // MOST_FRAMES)
     ticks = [*range(0, run.ticks - 1, every), run.ticks - 1]
-    tiled = TiledMap(TRUTH, static.passable.shape)
-    packets = [terrain_packet(static.passable, static.patrolled)]
+    tiled = TiledMap(TRUTH, static.terrain.shape)
+    packets = [terrain_packet(static.terrain.passable, static.patrolled)]
     frames = []
     for number, k in enumerate(progress(ticks)):
         player.control({"do": "seek", "k": k})

@@ -15,16 +15,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 from monitor.observation.source import Source, State
-from monitor.recording.ros_file import RosFile
-from monitor.recording.run_recorder import KEY_FRAME_S, WITH_BODY, grid_values, ros_names, wall_values
+from monitor.recording.ros_file import KEY_FRAME_S, WITH_BODY, RosFile
 from monitor.replay.run_files import SCENARIO
-from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.ground.fog import Fog
 from patrol.journal.records import Status
 from patrol.scenario import dump_scenario, load_scenario
 
 CHUNK = 4096
 """Bytes of a chunk before compression."""
+
+REMAINS = "what is recorded so far remains"
+"""The end of the message that a recording cannot go on."""
 
 LEAST_SCALE_S = 10.0
 WAIT_S = 0.2
@@ -40,30 +42,26 @@ class LiveRecorder:
         static = source.static()
         self._source = source
         self._static = static
-        self._place = static.point, static.origin
         self._out = out
-        self._ros_names = ros_names([robot.name for robot in static.robots])
-        self._names = {robot.number: token for robot, token in zip(static.robots, self._ros_names, strict=True)}
         self._bodies = WITH_BODY if static.has_truth else (Status.ALIVE,)
         self._every = max(1, round(KEY_FRAME_S / static.step))
         self._scale_s = LEAST_SCALE_S
-        self._begun = False
         self._series_k = self._robots_k = -1
         self._events = 0
         self._grid_k = -self._every
         self.last: State | None = None
-        self._file = RosFile(out, out, new=True, chunk=CHUNK)
+        names, place = (
+            {robot.number: robot.name for robot in static.robots},
+            (static.terrain.point, static.terrain.origin),
+        )
+        self._file = RosFile(out, out, names, static.step, place, new=True, chunk=CHUNK)
         self._file.facts(
-            {
-                "scenario": str(static.scenario["name"]),
-                "fleet": static.name,
-                "started": started,
-                "ended": "recorded while it was running",
-                "told_by": "its world" if static.has_truth else "its robots' positions",
-                "fog_scale_s": "given by /fog_scale",
-                "step_s": f"{static.step:g}",
-                "robots": " ".join(robot.name for robot in static.robots),
-            }
+            scenario=str(static.scenario["name"]),
+            fleet=static.name,
+            started=started,
+            ended="recorded while it was running",
+            told_by="its world" if static.has_truth else "its robots' positions",
+            fog_scale_s="given by /fog_scale",
         )
         text = dump_scenario(load_scenario(static.scenario))
         self._file.attach(SCENARIO, "application/yaml", text.encode())
@@ -71,66 +69,43 @@ class LiveRecorder:
 
     def write(self, state: State) -> None:
         """Write a state, which must be later than those before."""
-        try:
+        with writing(self._out, REMAINS):
             self._write_state(state)
             self._file.flush()
-        except OSError as error:
-            raise BadInput(
-                f"{self._out}: cannot be written ({error.strerror}); what is recorded so far remains"
-            ) from None
 
     def close(self) -> None:
         """Write the last grid and the index."""
-        try:
+        with writing(self._out, REMAINS):
             if self.last is not None:
                 self._write_grid(self.last)
             self._file.finish()
-        except OSError as error:
-            raise BadInput(
-                f"{self._out}: cannot be written ({error.strerror}); what is recorded so far remains"
-            ) from None
 
     def _write_state(self, state: State) -> None:
-        time_ns = self._time_ns(state.k)
-        if not self._begun:
+        if self.last is None:
             self._begin_recording(state)
         series = self._source.series(self._series_k)
         for k, mfow_s, mean_s in zip(series.ticks.tolist(), series.mfow_s, series.fog_mean_s, strict=True):
             self._series_k = k
             while self._scale_s < mfow_s:
                 self._scale_s *= 2.0
-            self._file.number("/mfow", mfow_s, self._time_ns(k))
-            self._file.number("/fog_mean", mean_s, self._time_ns(k))
-        self._write_events()
+            self._file.measures(k, mfow_s, mean_s)
+        for event in self._source.events(self._events):
+            self._events += 1
+            self._file.event(event)
         if state.robots and state.k > self._robots_k:
-            self._write_robots(state, time_ns)
+            self._robots_k = state.k
+            rows = [(robot.decision_ms, robot.pose if robot.status in self._bodies else None) for robot in state.robots]
+            self._file.robots(rows, state.k)
+            self._file.number("/alive", sum(robot.status is Status.ALIVE for robot in state.robots), state.k)
         if state.k >= self._grid_k + self._every:
             self._write_grid(state)
         self.last = state
 
     def _begin_recording(self, state: State) -> None:
         """Write the constant facts, and skip events before the first state."""
-        self._begun, self._series_k = True, state.k - 1
+        self._series_k = state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
-        time_ns, static = self._time_ns(state.k), self._static
-        self._file.grid("/map", self._place, wall_values(static.passable), time_ns)
-        text = "/fog: 0 means seen now, 100 means seen /fog_scale seconds ago or earlier, -1 means not patrolled"
-        self._file.log("recording", " · ".join(filter(None, (text, static.note))), time_ns)
-
-    def _write_events(self) -> None:
-        for event in self._source.events(self._events):
-            self._events += 1
-            name = self._names.get(event.robot or 0, "run")
-            self._file.event(event.kind, name, event.detail, self._time_ns(event.k))
-
-    def _write_robots(self, state: State, at: int) -> None:
-        self._robots_k = state.k
-        named = zip(self._ros_names, state.robots, strict=True)
-        self._file.robots(
-            ((name, robot.decision_ms, robot.pose if robot.status in self._bodies else None) for name, robot in named),
-            at,
-        )
-        self._file.number("/alive", sum(robot.status is Status.ALIVE for robot in state.robots), at)
+        self._file.ground(self._static.terrain.passable, state.k, "/fog_scale seconds", self._static.note)
 
     def _write_grid(self, state: State) -> None:
         static = self._static
@@ -138,13 +113,8 @@ class LiveRecorder:
         if last_seen is None or state.k == self._grid_k:
             return
         self._grid_k = state.k
-        time_ns = self._time_ns(state.k)
-        values = grid_values(Fog.resumed(static.patrolled, last_seen), state.k, self._scale_s / static.step)
-        self._file.number("/fog_scale", self._scale_s, time_ns)
-        self._file.grid("/fog", self._place, values, time_ns)
-
-    def _time_ns(self, k: int) -> int:
-        return round(k * self._static.step * 1e9)
+        self._file.number("/fog_scale", self._scale_s, state.k)
+        self._file.fog(Fog.resumed(static.patrolled, last_seen), state.k, self._scale_s)
 
 
 def record_live(

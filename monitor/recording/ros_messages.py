@@ -78,10 +78,7 @@ class Encoder:
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
         """Return a geometry_msgs/PoseStamped in the map's frame."""
-        pose = self._make_message(
-            "geometry_msgs/msg/Pose", position=self._make_point(x, y), orientation=self._make_turn(heading)
-        )
-        return self._encode_message(POSE, header=self._make_header(at), pose=pose)
+        return self._encode_message(POSE, header=self._make_header(at), pose=self._make_pose(x, y, heading))
 
     def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
         """Return a tf2_msgs/TFMessage.
@@ -106,16 +103,13 @@ class Encoder:
         to 100, or `UNKNOWN`.
         """
         height, width = values.shape
-        corner = self._make_message(
-            "geometry_msgs/msg/Pose", position=self._make_point(*origin), orientation=self._make_turn(0.0)
-        )
         info = self._make_message(
             "nav_msgs/msg/MapMetaData",
             map_load_time=self._make_time(0),
             resolution=point,
             width=width,
             height=height,
-            origin=corner,
+            origin=self._make_pose(*origin, 0.0),
         )
         return self._encode_message(
             GRID, header=self._make_header(at), info=info, data=np.ascontiguousarray(values).ravel()
@@ -133,8 +127,9 @@ class Encoder:
     def _make_header(self, at: int) -> Any:
         return self._make_message("std_msgs/msg/Header", stamp=self._make_time(at), frame_id=FRAME)
 
-    def _make_point(self, x: float, y: float) -> Any:
-        return self._make_message("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+    def _make_pose(self, x: float, y: float, heading: float) -> Any:
+        place = self._make_message("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+        return self._make_message("geometry_msgs/msg/Pose", position=place, orientation=self._make_turn(heading))
 
     def _make_turn(self, heading: float) -> Any:
         half = 0.5 * heading

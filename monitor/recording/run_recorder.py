@@ -19,15 +19,14 @@ file's metadata has the scenario's name and hash and the scale of /fog; the reso
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor.recording import ros_messages as ros
-from monitor.recording.ros_file import RosFile
+from monitor.recording.ros_file import KEY_FRAME_S, WITH_BODY, RosFile
 from monitor.replay.replay import Watcher
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, SCENARIO, check_out
@@ -35,27 +34,14 @@ from patrol.errors import BadInput
 from patrol.files.untrusted import SCENARIO as SCENARIO_FILE
 from patrol.files.untrusted import read_untrusted
 from patrol.ground.fog import Fog
-from patrol.journal.records import Event, Status
+from patrol.journal.records import Status
 from patrol.pose import Pose
-
-KEY_FRAME_S = 10.0
-"""Simulated time between two grids, s."""
 
 GRID_MEMORY = 2 << 30
 """Most bytes of all grids before compression; a longer run has fewer key frames."""
 
 CHUNK = 1 << 15
 """Bytes of a chunk before compression: the most that a file loses when it is cut off."""
-
-WITH_BODY = (Status.ALIVE, Status.PAUSED, Status.DEAD, Status.LOST)
-"""Status of robots whose bodies are on the terrain."""
-
-
-RESERVED_NAMES = frozenset(
-    {ros.FRAME, "fog", "fog_scale", "fog_mean", "tf", "mfow", "seen_share", "alive", "delivered_share", "rosout"}
-    | {"recording", "run"}
-)
-"""Names that no robot may have in a recording: the map's frame, topics, and other loggers."""
 
 
 class Recorder(Watcher):
@@ -72,47 +58,39 @@ class Recorder(Watcher):
         self._part = out.with_name(f"{out.name}.part")
         with suppress(OSError):
             self._part.unlink()  # a stranger's folder may have a link there
-        self._file = RosFile(self._part, out, chunk=CHUNK)
-        self._place = run.prepared.terrain.point, run.prepared.terrain.origin
-        self._ros_names = ros_names(run.names)
+        terrain = run.prepared.terrain
+        names, place = dict(zip(run.numbers, run.names, strict=True)), (terrain.point, terrain.origin)
+        self._file = RosFile(self._part, out, names, run.step, place, chunk=CHUNK)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
-        self._counted = run.prepared.patrolled
-        self._area = int(np.count_nonzero(self._counted))
-        self._events = {k: [e for e in run.events if e.k == k] for k in {event.k for event in run.events}}
+        self._area = int(np.count_nonzero(run.prepared.patrolled))
+        self._events = deque(run.events)
         self._begin_recording()
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; writes the tick."""
-        run, time_ns = self._run, self._time_ns(k)
-        for event in self._events.get(k, ()):
-            self._log_event(event)
+        run, file = self._run, self._file
+        while self._events and self._events[0].k <= k:
+            file.event(self._events.popleft())
         if k % self._every == 0 or k == run.ticks - 1:
-            values = grid_values(fog, k, self._scale_s / run.step)
-            self._file.grid("/fog", self._place, values, time_ns)
-        robots = []
-        for index, name in enumerate(self._ros_names):
-            decision_ms = float(run.decision_ms[k, index])
-            pose = Pose(*run.poses[k, index].tolist()) if run.status[k, index] in WITH_BODY else None
-            robots.append((name, None if math.isnan(decision_ms) else decision_ms, pose))
-        self._file.robots(robots, time_ns)
-        self._file.number("/mfow", run.mfow[k] * run.step, time_ns)
-        self._file.number("/fog_mean", run.fog_mean[k] * run.step, time_ns)
-        self._file.number("/seen_share", run.seen[k] / self._area, time_ns)
-        self._file.number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), time_ns)
+            file.fog(fog, k, self._scale_s)
+        took_ms = (None if math.isnan(ms) else ms for ms in run.decision_ms[k].tolist())
+        status = zip(run.status[k].tolist(), run.poses[k].tolist(), strict=True)
+        poses = (Pose(*pose) if of_robot in WITH_BODY else None for of_robot, pose in status)
+        file.robots(zip(took_ms, poses, strict=True), k)
+        file.measures(k, run.mfow[k] * run.step, run.fog_mean[k] * run.step)
+        file.number("/seen_share", run.seen[k] / self._area, k)
+        file.number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), k)
         delivered, dropped = int(run.links.delivered_in[k]), int(run.links.dropped_in[k])
         if delivered + dropped:
-            self._file.number("/delivered_share", delivered / (delivered + dropped), time_ns)
+            file.number("/delivered_share", delivered / (delivered + dropped), k)
 
     def close(self) -> None:
         """Complete the file and give it its name."""
-        run = self._run
-        for k in sorted(k for k in self._events if k >= run.ticks):
-            for event in self._events[k]:
-                self._log_event(event)
-        time_ns = self._time_ns(run.ticks)
-        if run.ended is None:
-            self._file.log("run", "the journal is cut off here", time_ns, ros.WARN)
+        for event in self._events:
+            self._file.event(event)
+        if self._run.ended is None:
+            self._file.log("run", "the journal is cut off here", self._run.ticks, ros.WARN)
         try:
             self._file.finish()
             self._part.replace(self._out)
@@ -128,31 +106,18 @@ class Recorder(Watcher):
 
     def _begin_recording(self) -> None:
         run, header = self._run, self._run.journal.header
-        facts = {
-            "scenario": run.title,
-            "scenario_hash": header.scenario_hash,
-            "software": header.software,
-            "started": header.started or "",
-            "ended": run.ended or "cut off",
-            "fog_scale_s": f"{self._scale_s:g}",
-            "step_s": f"{run.step:g}",
-            "ticks": str(run.ticks),
-            "robots": " ".join(run.names),
-        }
-        self._file.facts(facts)
+        self._file.facts(
+            scenario=run.title,
+            scenario_hash=header.scenario_hash,
+            software=header.software,
+            started=header.started or "",
+            ended=run.ended or "cut off",
+            fog_scale_s=f"{self._scale_s:g}",
+            ticks=str(run.ticks),
+        )
         with suppress(OSError):
             self._file.attach(SCENARIO, "application/yaml", read_untrusted(run.folder / SCENARIO, SCENARIO_FILE))
-        self._file.grid("/map", self._place, wall_values(run.prepared.terrain.passable), 0)
-        text = f"/fog: 0 means seen now, 100 means seen {self._scale_s:g} s ago or earlier, -1 means not patrolled"
-        self._file.log("recording", text, 0)
-
-    def _time_ns(self, k: int) -> int:
-        return round(k * self._run.step * 1e9)
-
-    def _log_event(self, event: Event) -> None:
-        index = None if event.robot is None else self._run.index.get(event.robot)
-        name = "run" if index is None else self._ros_names[index]
-        self._file.event(event.kind, name, event.detail, self._time_ns(event.k))
+        self._file.ground(run.prepared.terrain.passable, 0, f"{self._scale_s:g} s")
 
 
 def scale_of(run: Run) -> float:
@@ -165,38 +130,3 @@ def key_frame_ticks(run: Run) -> int:
     wanted = max(1, round(KEY_FRAME_S / run.step))
     affordable = max(2, GRID_MEMORY // run.prepared.patrolled.size)
     return max(wanted, -(-run.ticks // affordable))
-
-
-def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Return the values of /map, int8 (h, w): 100 for impassable points, 0 for others."""
-    return np.where(passable, np.int8(0), np.int8(100)).astype(np.int8)
-
-
-def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
-    """Return the values of /fog at tick k, int8 (h, w).
-
-    They go from 0 for an age of 0 to 100 for `scale` ticks or more; points that are not patrolled have -1.
-    """
-    oldest = min(math.ceil(scale), k + 1)  # no age is greater at tick k, whatever scale the journal comes to
-    by_age = np.minimum(np.rint(np.arange(oldest + 1) * (100.0 / scale)), 100.0).astype(np.int8)
-    shown = np.full(fog.patrolled.shape, ros.UNKNOWN, dtype=np.int8)
-    counted = fog.patrolled.view(np.bool_)
-    shown[counted] = by_age.take(k - np.maximum(fog.last_seen[counted], 0), mode="clip")
-    return shown
-
-
-def ros_names(names: Sequence[str]) -> list[str]:
-    """Convert robots' names into unique names for ROS topics.
-
-    The names are ASCII and differ from each other and from `RESERVED_NAMES`.
-    """
-    converted: list[str] = []
-    for name in names:
-        plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
-        plain = f"robot_{plain}" if plain[0].isdigit() or plain in RESERVED_NAMES else plain
-        unique, number = plain, 1
-        while unique in converted:
-            number += 1
-            unique = f"{plain}_{number}"
-        converted.append(unique)
-    return converted

@@ -94,8 +94,8 @@ class BeliefWatcher(Watcher):
                 self._ended[event.k].add(event.robot)
         self._sampled = set(np.unique(np.linspace(0, run.ticks - 1, SAMPLES).astype(np.int64)).tolist())
         self._ticks: list[int] = []
-        self._mean: list[list[float]] = []
-        self._mfow: list[list[float]] = []
+        self._mean: list[NDArray[np.float64]] = []
+        self._mfow: list[NDArray[np.float64]] = []
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; updates the beliefs and, at some ticks, compares them."""
@@ -128,17 +128,13 @@ class BeliefWatcher(Watcher):
 
     def _compare_fog(self, k: int, fog: Fog) -> None:
         truth = fog.age(k)
-        means, mfows = [], []
-        for robot in self._robots:
-            if self._run.status[k, robot] != Status.ALIVE:
-                means.append(np.nan)
-                mfows.append(np.nan)
-                continue
-            believed = self.believed(self._run.numbers[robot])
-            # The fleet's area contains the robot's, so the truth is known wherever the robot believes something.
-            off = np.abs(believed.age(k) - truth)[believed.patrolled.view(np.bool_)]
-            means.append(float(off.mean()))
-            mfows.append(float(believed.mfow(k)))
+        mean, mfow = np.full((2, len(self._robots)), np.nan)
+        for column, robot in enumerate(self._robots):
+            if self._run.status[k, robot] == Status.ALIVE:
+                believed = self.believed(self._run.numbers[robot])
+                # The fleet's area contains the robot's, so the truth is known wherever the robot believes something.
+                off = np.abs(believed.age(k) - truth)[believed.patrolled.view(np.bool_)]
+                mean[column], mfow[column] = off.mean(), believed.mfow(k)
         self._ticks.append(k)
-        self._mean.append(means)
-        self._mfow.append(mfows)
+        self._mean.append(mean)
+        self._mfow.append(mfow)

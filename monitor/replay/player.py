@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static, TickRate
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, Source, State, Static, TickRate
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
@@ -34,7 +35,7 @@ WHOLE_S = 90.0
 _NO_BODY = (Status.ABSENT, Status.LEFT)
 
 
-class Player:
+class Player(Source):
     """A `monitor.observation.source.Source` that plays a run. The wall clock only decides which tick is due."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic, *, autoplay: bool = False) -> None:
@@ -70,19 +71,15 @@ class Player:
     def static(self) -> Static:
         """See `Source`."""
         run = self._run
-        scenario, terrain = run.prepared.scenario, run.prepared.terrain
-        specs = {spec.number: spec for spec in scenario.roster}
-        shape = (scenario.sensor.range, scenario.sensor.angle)
         return Static(
             name=run.folder.name or run.title,
             scenario=run.journal.header.scenario,
-            passable=terrain.passable,
+            terrain=run.prepared.terrain,
             patrolled=run.prepared.patrolled,
-            point=terrain.point,
-            origin=terrain.origin,
             robots=tuple(
-                RobotShape(facts.number, facts.name, facts.model, specs[facts.number].radius, *shape)
-                for facts in run.robots
+                replace(robot, spare=False)
+                for robot in RobotShape.all_of(run.prepared.scenario)
+                if robot.number in run.index
             ),
             step=run.step,
             ticks=run.ticks,
@@ -127,10 +124,6 @@ class Player:
             return self._past_beliefs.last_seen(layer, self._at)
         return self._replay.fog(self._at).last_seen
 
-    def since(self, layer: Layer) -> int:  # noqa: ARG002 - a run is known from its start
-        """See `Source`."""
-        return 0
-
     def tick(self, layer: Layer) -> int:  # noqa: ARG002 - every fog is of the same tick
         """See `Source`."""
         return self._at
@@ -167,9 +160,6 @@ class Player:
             answer = self._obey_control(control)
             self._changed.notify_all()
         return answer
-
-    def close(self) -> None:
-        """See `Source`."""
 
     def read_all(self) -> None:
         """Read links and traps of the whole run at once; `wait` reads them in slices."""

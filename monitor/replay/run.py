@@ -279,8 +279,7 @@ class _Rows:
         self._dropped_in: list[int] = []
         self._place = {FORGED: 0, **{number: column + 1 for number, column in index.items()}}
         side = len(index) + 1
-        self._sent = np.zeros((side, side), dtype=np.int64)
-        self._delivered = np.zeros((side, side), dtype=np.int64)
+        self._sent, self._delivered = np.zeros((2, side, side), dtype=np.int64)
         self._dropped: dict[str, NDArray[np.int64]] = {}
         self._late = 0
 

@@ -138,8 +138,7 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
 def state_codes(run: Run) -> NDArray[np.uint8]:
     """uint8 (ticks, n), index in `STATES` of each robot's state."""
     status, labels = run.status, run.labels
-    kinds = {"": _SILENT, DEAD_END: _DEAD_END}
-    kinds |= {DOCKING: _DOCKING, CHARGING: _CHARGING}
+    kinds = {"": _SILENT, DEAD_END: _DEAD_END, DOCKING: _DOCKING, CHARGING: _CHARGING}
     kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
     doing = np.array([kinds.get(label, _OTHER) for label in labels], dtype=np.uint8)[run.states]
     doing[status == Status.PAUSED] = _PAUSED

@@ -30,6 +30,9 @@ CAUTIONS = {
 }
 """Settings that make runs hard to compare, and why."""
 
+Line = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
+"""The values along x and y."""
+
 TRACE_DIGITS = 16
 """Digits of a trace hash that a table shows."""
 
@@ -49,15 +52,12 @@ def names_of(runs: Sequence[Run]) -> list[str]:
 
 def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     """Return the rows of the table of measures: the measure's name, and its value in each run."""
-    outcomes = [printable(outcome_of(run)) for run in runs]
-    ended = [printable(state_of(run)[0]) for run in runs]
-    lengths = [f"{run.ticks * run.step:g} s" for run in runs]
     rows: list[tuple[str, ...]] = [
         ("scenario", *(run.title for run in runs)),
         ("robots", *(str(len(run.names)) for run in runs)),
-        ("verdict", *outcomes),
-        ("ended", *ended),
-        ("simulated", *lengths),
+        ("verdict", *(printable(outcome_of(run)) for run in runs)),
+        ("ended", *(printable(state_of(run)[0]) for run in runs)),
+        ("simulated", *(f"{run.ticks * run.step:g} s" for run in runs)),
     ]
     columns = [measures(run) for run in runs]
     rows += [(several[0].name, *(measure.text for measure in several)) for several in zip(*columns, strict=True)]
@@ -146,11 +146,10 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
     ]
     mismatches += [f"{name}: {line}" for name, run in zip(names, runs, strict=True) if (line := disagreement(run))]
     heads = ("run", "fault", "from (s)", "to (s)", "details")
-    faulty = [(name, analysis.bands) for name, analysis in zip(names, analyses, strict=True) if analysis.bands]
     faults = [
         (name, f"{band.id} {band.kind}".strip(), f"{band.begin:g}", f"{band.end:g}" if band.lasts else "", band.text)
-        for name, bands in faulty
-        for band in bands
+        for name, analysis in zip(names, analyses, strict=True)
+        for band in analysis.bands
     ]
     body = [
         html.main_heading(f"Comparison of {len(runs)} runs"),
@@ -208,35 +207,44 @@ def _over_time(
     analyses: Sequence[Analysis], names: Sequence[str], height: float, label: str, ages: Callable[[Run], NDArray[Any]]
 ) -> Figure:
     """Draw ages in ticks, one line per run, over time."""
-    chart = figure(WIDTH, height)
-    axes = chart.add_subplot()
-    for index, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
+
+    def line(analysis: Analysis) -> Line:
         run = analysis.run
-        axes.plot(*thinned(run.times, ages(run).astype(np.float64) * run.step), color=colour(index), label=name)
-    axes.set_ylabel(label)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("time (s)")
-    plain(axes)
-    chart.legend(loc="outside upper left", ncols=4)
-    return chart
+        return thinned(run.times, ages(run).astype(np.float64) * run.step)
+
+    return _lines_chart(analyses, names, height, "time (s)", label, line)
 
 
 def _gaps_chart(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
-    chart = figure(WIDTH, 2.9)
+    def line(analysis: Analysis) -> Line:
+        gaps = analysis.visits.gaps.astype(np.float64)
+        remaining = 100.0 * np.cumsum(gaps[::-1])[::-1] / max(gaps.sum(), 1.0)
+        shown = remaining > 0.0
+        return (np.arange(len(gaps)) * analysis.run.step)[shown], remaining[shown]
+
+    labels = "time between two visits to a point (s)", "gaps at least as long (%)"
+    return _lines_chart(analyses, names, 2.9, *labels, line, drawstyle="steps-post")
+
+
+def _lines_chart(
+    analyses: Sequence[Analysis],
+    names: Sequence[str],
+    height: float,
+    x_label: str,
+    y_label: str,
+    line: Callable[[Analysis], Line],
+    **look: Any,
+) -> Figure:
+    """Draw a line for each run that has one; `look` is that of matplotlib's lines."""
+    chart = figure(WIDTH, height)
     axes = chart.add_subplot()
     for index, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
-        gaps = analysis.visits.gaps.astype(np.float64)
-        if gaps.sum() == 0.0:
-            continue
-        remaining = 100.0 * np.cumsum(gaps[::-1])[::-1] / gaps.sum()
-        shown = remaining > 0.0
-        waits = np.arange(len(gaps)) * analysis.run.step
-        axes.plot(waits[shown], remaining[shown], color=colour(index), label=name, drawstyle="steps-post")
+        x, y = line(analysis)
+        if len(x):
+            axes.plot(x, y, color=colour(index), label=name, **look)
+    axes.set(xlabel=x_label, ylabel=y_label)
     axes.set_xlim(left=0.0)
-    axes.set_ylim(0.0, 101.0)
-    axes.set_xlabel("time between two visits to a point (s)")
-    axes.set_ylabel("gaps at least as long (%)")
+    axes.set_ylim(bottom=0.0)
     plain(axes)
     chart.legend(loc="outside upper left", ncols=4)
     return chart

@@ -8,6 +8,7 @@ and needs no script, and its figures can also be written as PNG and SVG.
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -30,11 +31,14 @@ from patrol.process.aside import in_two
 from patrol.scenario.patrols import describe_patrol
 from patrol.summary.features import FEATURES, Feature
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import FaultFacts, RobotFigures
+from patrol.summary.model import CheckFacts, FaultFacts, RobotFigures
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100
 MOST_WARNINGS = 20
+
+NOT_PASSED = {"failed": "failed", "warning": "with warnings", "not judged": "could not be judged"}
+"""Badges of checks that have not just passed, and what a count of them says."""
 
 
 def drawings(analysis: Analysis) -> list[Drawing]:
@@ -92,11 +96,10 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             figures.append(
                 Drawing("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands))
             )
-    errors = analysis.beliefs
+    errors, moving = analysis.beliefs, analysis.moving
     if errors is not None and len(errors.ticks):
         caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
         figures.append(Drawing("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
-    moving = analysis.moving
     if moving is not None:
         caption = (
             "An attempt that succeeds and one that does not, of the better predictor that watches. Dashed: the "
@@ -119,7 +122,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     """
     run = analysis.run
     of = {figure.name: figure for figure in figures}
-    word, why = state_of(run, going)
+    (word, why), outcome = state_of(run, going), outcome_of(run)
     scenario, header = run.prepared.scenario, run.journal.header
     count = len(run.names)
     warnings = warnings_of(run)
@@ -151,7 +154,9 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("scenario", "Scenario", _scenario_section(run)),
     ]
     body = [
-        html.main_heading(scenario.name, html.badge(*_run_outcome(run))),
+        html.main_heading(
+            scenario.name, html.badge(outcome, outcome if outcome in ("valid", "invalid") else "unknown")
+        ),
         html.text(" · ".join(sub), "sub"),
         html.banner(why),
         html.banner(_mismatch_text(analysis), bad=True),
@@ -194,37 +199,27 @@ def write_page(document: str, out: Path) -> None:
         write_whole(out, document)
 
 
-def _run_outcome(run: Run) -> tuple[str, str]:
-    outcome = outcome_of(run)
-    return outcome, outcome if outcome in ("valid", "invalid") else "unknown"
-
-
 def _verdict_section(run: Run) -> str:
     verdict = run.stated.verdict
     if verdict is None:
         return html.text("The run has no verdict: there is no summary.json, or it contains none.", "note")
+    standings = [_standing_of(check) for check in verdict.checks]
+    counts = Counter(standings)
+    failing = [f"{counts[standing]} {text}" for standing, text in NOT_PASSED.items() if counts[standing]]
+    rows: dict[bool, list[tuple[str, str, str]]] = {True: [], False: []}
+    for standing, check in zip(standings, verdict.checks, strict=True):
+        badge = html.badge(standing, standing if standing in ("ok", "failed") else "open")
+        rows[standing == "ok"].append((badge, check.name, check.detail))
     heads = ("", "check", "details")
-    open_checks: list[tuple[str, str, str]] = []
-    passed: list[tuple[str, str, str]] = []
-    for check in verdict.checks:
-        facts = (check.name, check.detail)
-        if not check.ok:
-            open_checks.append((html.badge("failed", "failed"), *facts))
-        elif check.warnings:
-            open_checks.append((html.badge("warning", "open"), *facts))
-        elif not check.judged:
-            open_checks.append((html.badge("not judged", "open"), *facts))
-        else:
-            passed.append((html.badge("ok", "ok"), *facts))
-    failed = sum(not check.ok for check in verdict.checks)
-    counts = [f"{len(passed)} checks passed", *([f"{failed} failed"] if failed else [])]
-    warned = sum(check.ok and bool(check.warnings) for check in verdict.checks)
-    if warned:
-        counts.append(f"{warned} with warnings")
-    if len(open_checks) > failed + warned:
-        counts.append(f"{len(open_checks) - failed - warned} could not be judged")
-    listed = html.details("checks passed", html.table(heads, passed))
-    return html.text(f"{', '.join(counts)}.") + html.table(heads, open_checks) + listed
+    listed = html.details("checks passed", html.table(heads, rows[True]))
+    counted = ", ".join([f"{counts['ok']} checks passed", *failing])
+    return html.text(f"{counted}.") + html.table(heads, rows[False]) + listed
+
+
+def _standing_of(check: CheckFacts) -> str:
+    if not check.ok:
+        return "failed"
+    return "warning" if check.warnings else "ok" if check.judged else "not judged"
 
 
 def _stalest_section(run: Run) -> str:
@@ -265,14 +260,10 @@ def _belief_section(analysis: Analysis) -> str:
             "None: every position reached every robot in the tick in which it was sent, so every belief was exact."
         )
     origin = "Reconstructed from each robot's own positions and the frames that it received, before dilatation"
-    some = (
-        ""
-        if len(errors.robots) == len(run.names)
-        else f"; only for the {len(errors.robots)} robots that missed most frames"
-    )
-    keyless = (
-        " The fleet's key was not given (--key), so authentication tags were not checked." if analysis.untested else ""
-    )
+    if len(errors.robots) < len(run.names):
+        origin += f"; only for the {len(errors.robots)} robots that missed most frames"
+    if analysis.untested:
+        origin += ". The fleet's key was not given (--key), so authentication tags were not checked"
     rows = []
     for column, robot in enumerate(errors.robots):
         off = errors.mean[:, column] * run.step
@@ -280,7 +271,7 @@ def _belief_section(analysis: Analysis) -> str:
             continue
         rows.append((run.names[robot], f"{np.nanmean(off):.2f}", f"{np.nanmax(off):.2f}"))
     table = html.table(("robot", "mean error (s)", f"largest of {SAMPLES} ticks (s)"), rows, numbers=(1, 2))
-    return html.text(f"{origin}{some}.{keyless}", "note") + html.details("numbers", table)
+    return html.text(f"{origin}.", "note") + html.details("numbers", table)
 
 
 def _faults_table(analysis: Analysis) -> str:
@@ -300,9 +291,8 @@ def _feature_table(feature: Feature, run: Run) -> str:
 
 
 def _moving_table(analysis: Analysis) -> str:
-    if analysis.moving is None:
-        return html.text(f"Not played: {analysis.no_moving}.", "note")
-    return analysis.moving.table()
+    why = analysis.no_moving
+    return html.text(f"Not played: {why}.", "note") if analysis.moving is None else analysis.moving.table()
 
 
 def _fault_counts(kind: str, facts: FaultFacts) -> str:
@@ -328,12 +318,9 @@ def _scenario_section(run: Run) -> str:
         yaml_text = read_text(run.folder / SCENARIO)
     except BadInput:
         return ""
-    facts = [f"scenario hash {run.journal.header.scenario_hash}"]
-    if run.journal.end is not None:
-        facts.append(f"trace hash {run.journal.end.trace_hash}")
-    return html.details("resolved scenario", html.preformatted(yaml_text)) + "".join(
-        html.text(f, "note") for f in facts
-    )
+    shown = html.details("resolved scenario", html.preformatted(yaml_text))
+    shown += html.text(f"scenario hash {run.journal.header.scenario_hash}", "note")
+    return shown + html.text("" if run.journal.end is None else f"trace hash {run.journal.end.trace_hash}", "note")
 
 
 def _mismatch_text(analysis: Analysis) -> str:

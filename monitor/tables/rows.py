@@ -20,6 +20,8 @@ from patrol.summary.totals import count_frames
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from monitor.replay.run import Run
     from patrol.ground.fog import Fog
     from patrol.journal.records import RobotTick, TickRecord
@@ -28,63 +30,62 @@ Row = tuple[object, ...]
 """A value for each column of a table, in their order."""
 
 
-class _TickRows:
-    table = TICKS
+RowsOf = Callable[["TickRecord"], "list[Row]"]
+"""Gives a tick's rows of a table; it is called for each tick in turn."""
 
-    def __init__(self, run: Run) -> None:
-        self._step = run.step
-        self._patrolled = int(np.count_nonzero(run.prepared.patrolled))
-        self._links = _LinkCounts(run)
 
-    def rows_of(self, record: TickRecord) -> list[Row]:
+def _tick_rows(run: Run) -> RowsOf:
+    patrolled, links = int(np.count_nonzero(run.prepared.patrolled)), _Links(run)
+
+    def rows_of(record: TickRecord) -> list[Row]:
         standing = Counter(row.status for row in record.robots)
-        sent, delivered, dropped = self._links.totals(record)
         row = (
             record.k,
-            record.k * self._step,
-            record.mfow * self._step,
-            record.fog_mean * self._step,
-            record.seen / self._patrolled,
+            record.k * run.step,
+            record.mfow * run.step,
+            record.fog_mean * run.step,
+            record.seen / patrolled,
             standing[Status.ALIVE],
             standing[Status.PAUSED],
             standing[Status.DEAD],
             standing[Status.LOST],
             standing[Status.ABSENT] + standing[Status.LEFT],
             sum(row.bumped for row in record.robots),
-            sent,
-            delivered,
-            dropped,
+            *links.totals(record),
         )
         return [row]
 
+    return rows_of
 
-class _RobotRows:
-    table = ROBOTS
 
-    def __init__(self, run: Run) -> None:
-        self._step = run.step
-        self._robots = {robot.number: robot for robot in run.robots}
-        self._run = run
-        self._rejected = dict.fromkeys(self._robots, 0)
+def _robot_rows(run: Run) -> RowsOf:
+    robots = {robot.number: robot for robot in run.robots}
+    reported = dict.fromkeys(robots, 0)
 
-    def rows_of(self, record: TickRecord) -> list[Row]:
-        charge = self._run.charge[record.k].tolist()
+    def newly_rejected(row: RobotTick) -> int:
+        """Return the frames refused since the last report; a robot that was started again counts from zero."""
+        if row.rejected is None:
+            return 0
+        before, reported[row.number] = reported[row.number], row.rejected
+        return row.rejected - before if row.rejected >= before else row.rejected
+
+    def rows_of(record: TickRecord) -> list[Row]:
+        charge = run.charge[record.k].tolist()
         frames: Counter[int] = Counter()
         sizes: Counter[int] = Counter()
         for source, frame in record.frames:
             frames[source] += 1
             sizes[source] += len(frame)
-        time_s = record.k * self._step
         return [
             (
                 record.k,
-                time_s,
-                self._robots[row.number].name,
+                record.k * run.step,
+                robots[row.number].name,
                 row.status.name.lower(),
                 row.x,
                 row.y,
                 row.heading,
-                *self._command_columns(row),
+                *_command_columns(robots[row.number].model, row, run.step),
                 row.bumped,
                 row.refused,
                 row.state or None,
@@ -92,127 +93,111 @@ class _RobotRows:
                 row.decision_ms,
                 frames[row.number],
                 sizes[row.number],
-                self._newly_rejected(row),
-                None if np.isnan(share := charge[self._run.index[row.number]]) else share,
+                newly_rejected(row),
+                None if np.isnan(share := charge[run.index[row.number]]) else share,
             )
             for row in record.robots
-            if row.number in self._robots
+            if row.number in robots
         ]
 
-    def _command_columns(self, row: RobotTick) -> Row:
-        """Return velocity along x and y, speed, turn rate, curvature, and the way that was driven."""
-        command = command_of(self._robots[row.number].model, row.c0, row.c1)
-        driven_m = 0.0 if row.bumped else command.speed_mps * self._step
-        if isinstance(command, Velocity):
-            return (row.c0, row.c1, None, None, None, driven_m)
-        if isinstance(command, Twist):
-            return (None, None, row.c0, row.c1, None, driven_m)
-        assert isinstance(command, Drive)
-        return (None, None, row.c0, None, row.c1, driven_m)
+    return rows_of
 
-    def _newly_rejected(self, row: RobotTick) -> int:
-        """Return the frames refused since the last report; a robot that was started again counts from zero."""
-        if row.rejected is None:
-            return 0
-        before, self._rejected[row.number] = self._rejected[row.number], row.rejected
-        return row.rejected - before if row.rejected >= before else row.rejected
+
+def _command_columns(model: str, row: RobotTick, step: float) -> Row:
+    """Return velocity along x and y, speed, turn rate, curvature, and the way that was driven."""
+    command = command_of(model, row.c0, row.c1)
+    driven_m = 0.0 if row.bumped else command.speed_mps * step
+    if isinstance(command, Velocity):
+        return (row.c0, row.c1, None, None, None, driven_m)
+    if isinstance(command, Twist):
+        return (None, None, row.c0, row.c1, None, driven_m)
+    assert isinstance(command, Drive)
+    return (None, None, row.c0, None, row.c1, driven_m)
 
 
 _NONE_LOST: Counter[str | None] = Counter({None: 0})
 
 
-class _LinkCounts:
+class _Links:
     """Counts the frames of a tick by link.
 
-    Rows are senders and columns receivers, first the forger, then the robots. Where robots heard each other directly
-    (`direct`), only what was sent is known.
+    Rows are senders and columns receivers, first the forger, then the robots. Where robots heard each other directly,
+    only what was sent is known.
     """
 
     def __init__(self, run: Run) -> None:
-        self.direct = run.direct
+        self._direct = run.direct
         self._place = {FORGED: 0, **{number: column + 1 for number, column in run.index.items()}}
-        side = len(self._place)
-        self._sent, self._delivered = (np.zeros((side, side), dtype=np.int64) for _ in range(2))
 
     def totals(self, record: TickRecord) -> tuple[int, int | None, int | None]:
         """Return robots' frames sent, delivered and dropped; None where unknown."""
-        self._count_record(record)
-        sent = int(self._sent[1:].sum())
-        if self.direct:
+        sent, delivered = (int(counts[1:].sum()) for counts in self._count_record(record))
+        if self._direct:
             return sent, None, None
-        dropped = int(np.count_nonzero(drops_of(record.dropped).source != FORGED))
-        return sent, int(self._delivered[1:].sum()), dropped
+        return sent, delivered, int(np.count_nonzero(drops_of(record.dropped).source != FORGED))
 
     def links(self, record: TickRecord) -> Iterator[tuple[int, int, int, int | None, int | None, str | None]]:
         """Yield sender, receiver (places), sent, delivered, dropped and cause; a further row for each further cause."""
-        self._count_record(record)
+        sent_frames, delivered_frames = self._count_record(record)
         causes: dict[tuple[int, int], Counter[str | None]] = {}
         for source, to, _, cause in record.dropped:
             causes.setdefault((self._place[source], self._place[to]), Counter())[cause] += 1
-        used = (self._sent + self._delivered) > 0
-        pairs = sorted({*map(tuple, np.argwhere(used).tolist()), *causes})
-        for sender, receiver in pairs:
-            sent, delivered = int(self._sent[sender, receiver]), int(self._delivered[sender, receiver])
-            if self.direct:
-                yield sender, receiver, sent, None, None, None
+        used = (sent_frames + delivered_frames) > 0
+        for link in sorted({(sender, receiver) for sender, receiver in np.argwhere(used).tolist()} | causes.keys()):
+            sent, delivered = int(sent_frames[link]), int(delivered_frames[link])
+            if self._direct:
+                yield *link, sent, None, None, None
                 continue
-            lost = causes.get((sender, receiver), _NONE_LOST)
+            lost = causes.get(link, _NONE_LOST)
             for why in sorted(lost, key=str):
-                yield sender, receiver, sent, delivered, lost[why], why
+                yield *link, sent, delivered, lost[why], why
                 sent = delivered = 0  # so that sums over rows count each frame once
 
-    def _count_record(self, record: TickRecord) -> None:
-        self._sent[:] = self._delivered[:] = 0
-        count_frames(record, self._place, self._sent, self._delivered)
+    def _count_record(self, record: TickRecord) -> NDArray[np.int64]:
+        """Return the frames sent and those delivered, int64 (2, n + 1, n + 1)."""
+        counts = np.zeros((2, len(self._place), len(self._place)), dtype=np.int64)
+        count_frames(record, self._place, *counts)
+        return counts
 
 
-class _LinkRows:
-    table = LINKS
-
-    def __init__(self, run: Run) -> None:
-        self._step = run.step
-        self._names = (FORGER, *run.names)
-        self._links = _LinkCounts(run)
-
-    def rows_of(self, record: TickRecord) -> list[Row]:
-        k, time_s, names = record.k, record.k * self._step, self._names
-        return [
-            (k, time_s, names[sender], names[receiver], *counts)
-            for sender, receiver, *counts in self._links.links(record)
-        ]
+def _link_rows(run: Run) -> RowsOf:
+    names, links = (FORGER, *run.names), _Links(run)
+    return lambda record: [
+        (record.k, record.k * run.step, names[sender], names[receiver], *counts)
+        for sender, receiver, *counts in links.links(record)
+    ]
 
 
-class _VisitRows:
-    table = VISITS
+def _visit_rows(run: Run) -> RowsOf:
+    names = dict(zip(run.numbers, run.names, strict=True))
+    totals, graph = node_totals(run.journal.header), run.prepared.scenario.terrain.graph
+    if totals is None or graph is None:
+        return lambda _: []
 
-    def __init__(self, run: Run) -> None:
-        self._names = dict(zip(run.numbers, run.names, strict=True))
-        self._totals = node_totals(run.journal.header)
-        graph = run.prepared.scenario.terrain.graph
-        self._places = [] if graph is None else [tuple(vertex) for vertex in graph.vertices]
-
-    def rows_of(self, record: TickRecord) -> list[Row]:
-        totals = self._totals
-        if totals is None:
-            return []
+    def rows_of(record: TickRecord) -> list[Row]:
         before = len(totals.visits)
         totals.tick(record)
         return [
             (
                 record.k,
                 visit.at_s,
-                self._names[visit.robot],
+                names[visit.robot],
                 visit.vertex,
-                *self._places[visit.vertex],
+                *graph.vertices[visit.vertex],
                 visit.idle_s,
                 visit.first,
             )
             for visit in totals.visits[before:]
         ]
 
+    return rows_of
 
-_BY_TICK: dict[str, Callable[[Run], _TickRows | _RobotRows | _LinkRows | _VisitRows]] = {
-    rows.table.name: rows for rows in (_TickRows, _RobotRows, _LinkRows, _VisitRows)
+
+_BY_TICK: dict[str, Callable[[Run], RowsOf]] = {
+    TICKS.name: _tick_rows,
+    ROBOTS.name: _robot_rows,
+    LINKS.name: _link_rows,
+    VISITS.name: _visit_rows,
 }
 """What makes the rows of a table tick by tick, by its name."""
 
@@ -227,7 +212,7 @@ def rows_by_tick(
     Yield each table's name at least once, with some of its rows, in order. `share` is called with the share of the work
     that is done, 0 to 1.
     """
-    makers = [_BY_TICK[name](run) for name in names if name in _BY_TICK]
+    makers = {name: _BY_TICK[name](run) for name in names if name in _BY_TICK}
     replayed = GROUND.name in names
     passes = bool(makers) + replayed
     if EVENTS.name in names:
@@ -235,8 +220,8 @@ def rows_by_tick(
     if makers:
         # A journal that is still being written may have grown since the run was opened.
         for record in islice(run.journal.ticks, run.ticks):
-            for maker in makers:
-                yield maker.table.name, maker.rows_of(record)
+            for name, rows_of in makers.items():
+                yield name, rows_of(record)
             share((record.k + 1) / run.ticks / passes)
     if replayed:
         yield GROUND.name, _ground_rows(run, lambda done: share((bool(makers) + done) / passes))

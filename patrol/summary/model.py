@@ -28,14 +28,14 @@ class _Part(BaseModel):
 
 
 class Stalest(_Part):
-    """The stalest place at some time; see `worldsim.checks.progress.Stalest`."""
+    """The stalest place at some time."""
 
     x: float
     y: float
-    age_s: float
-    at_s: float
-    seen: bool
-    nearest: str | None
+    age_s: float  # since it was last seen, or since the start if never
+    at_s: float  # the time at which it had this age
+    seen: bool  # it had been seen at least once
+    nearest: str | None  # living robot nearest in a straight line; None if none was alive
     nearest_m: float | None
 
 

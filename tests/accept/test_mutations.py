@@ -34,6 +34,7 @@ from tests.chaos.bugs import (
     alter_rows,
     alter_stood_down,
     altered,
+    drive_blindly,
     put,
 )
 from worldsim import faults, world
@@ -174,7 +175,6 @@ _hit_elsewhere = _wrap(RadioRules, "_mark_hits", lambda real, of, entry, *at: re
 _links_elsewhere = _wrap(rules, "_on_link", lambda real, entry, *link: real(_elsewhere(entry), *link))
 _rules_late = _wrap(RadioRules, "begin", lambda real, of, k, poses: real(of, k - 1, poses))
 _rarely = put(rules, "draw", lambda real: lambda *of: math.sqrt(real(*of)))
-_blind = BUGS["minds drive blindly"].plant
 _late = put(InProcessFleet, "arrived", _makes_late)
 _stays = put(InProcessFleet, "leave", lambda _: lambda *_: None)
 _living_hear = _wrap(
@@ -438,8 +438,8 @@ _break(
 _break(
     "walls",
     {"terrain": {"builtin": "yards"}},
-    ("bodies pass", "moves", _blind, put(motion, "path_is_free", lambda _: lambda *_: True)),
-    ("bodies stop that are half as large", "bodies apart", _blind, _half_as_large_at_walls),
+    ("bodies pass", "moves", drive_blindly, put(motion, "path_is_free", lambda _: lambda *_: True)),
+    ("bodies stop that are half as large", "bodies apart", drive_blindly, _half_as_large_at_walls),
 )
 
 # --- the ground ------------------------------------------------------------------------------------------------------
@@ -470,8 +470,8 @@ _break(
 _break(
     "batteries",
     {"robots": {**ROBOTS, "count": 1, "starts": [[11, 11]], "battery": _BATTERY}, "docks": [{"place": [11, 11]}]},
-    ("empty ones last", "batteries", _blind, put(Batteries, "is_empty", lambda _: lambda *_: False)),
-    ("driving costs half as much", "batteries", _blind, _batteries("drive", 0.5)),
+    ("empty ones last", "batteries", drive_blindly, put(Batteries, "is_empty", lambda _: lambda *_: False)),
+    ("driving costs half as much", "batteries", drive_blindly, _batteries("drive", 0.5)),
     ("docks give twice as much", "batteries", _drives(lambda k, speed: speed * (k >= 2)), _batteries("charge", 2.0)),
 )
 _break(
@@ -484,7 +484,7 @@ _break(
     "slow zones",
     {"zones": [{**_HALL, "speed": 1.0, "times": [[10, 30]]}]},
     "slow zones slow nothing",
-    ("they are twice as fast", "slow zones", _blind, _slowed_half_as_much),
+    ("they are twice as fast", "slow zones", drive_blindly, _slowed_half_as_much),
     "zones begin and end unseen",
     ("they begin a tick late", "zone times", _zones_late),
 )

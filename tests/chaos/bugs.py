@@ -409,7 +409,7 @@ def _late_by_first_half(real: Any) -> Any:
 
 
 _path_is_free = motion, "path_is_free"
-_blind = alter_decisions(_drives_blindly)
+drive_blindly = alter_decisions(_drives_blindly)
 _bug("the run ends a tick early", "complete")(alter_new(World, _ends_early))
 _bug("the trace leaves out a tick", "trace")(put(record, "TraceHash", _trace))
 _bug("a mind fails", "nobody lost")(alter_decisions(_fails))
@@ -436,16 +436,17 @@ _bug("robots drive with an empty battery", "batteries", needs="feature batteries
     put(Batteries, "is_empty", lambda _: lambda *_: False)
 )
 _bug("bodies pass through keep-outs", "keep-outs", needs="feature zone: keep-out")(
-    _blind, put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin)))
+    drive_blindly,
+    put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
 )
 _bug("slow zones slow nothing", "slow zones", needs="feature zone: slow")(
-    _blind, put(world, "slowed", lambda _: lambda command, _: command)
+    drive_blindly, put(world, "slowed", lambda _: lambda command, _: command)
 )
 _bug("zones begin and end unseen", "zone times", needs="feature zone: times")(
     _untold(World, "close_and_open", IN_FORCE, OUT_OF_FORCE)
 )
 _bug("bodies pass through what is closed", "closures", needs="feature closures by times")(
-    _blind, put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t)))
+    drive_blindly, put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t)))
 )
 _bug("closures wait for robots unseen", "closures", needs="feature closures by times")(
     _untold(World, "close_and_open", WAITING)

@@ -11,6 +11,7 @@ import pytest
 from fogwatch.status import FleetWatch, Look, fleet_status
 from monitor.live.attach import NoAnswer
 from monitor.observation.source import RobotShape, RobotState, State, Static, Trapped
+from patrol.ground.terrain import Terrain
 from patrol.journal.records import Status
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
@@ -19,7 +20,16 @@ GROUND = np.ones((2, 2), bool)
 ROBOTS = RobotShape(1, "anna", "car", 1.0, 10.0, 360.0), RobotShape(2, "bert", "car", 1.0, 10.0, 360.0, spare=True)
 SCENARIO = {"radio": {"forget_after": 10.0}}
 STATIC = Static(
-    "yards-1", SCENARIO, GROUND, GROUND, 1.0, (0.0, 0.0), ROBOTS, 0.5, 100, None, live=True, layers=("truth", "heard")
+    "yards-1",
+    SCENARIO,
+    Terrain("yards", GROUND, 1.0),
+    GROUND,
+    ROBOTS,
+    0.5,
+    100,
+    None,
+    live=True,
+    layers=("truth", "heard"),
 )
 STOPPED = "stopped by an operator"
 WELL = RobotState(1, Status.ALIVE, "patrolling", Pose(3.0, 4.0, 0.0), heard_s=0.5)

@@ -120,7 +120,7 @@ def run_of(
 
 def write_summary(folder: Path, prepared: Prepared) -> None:
     journal = read_journal(folder / "journal")
-    summary = summarise(journal, judge(journal, {}, prepared))[0].document()
+    summary = summarise(journal, judge(journal, {}, prepared), prepared)[0].document()
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
 
 

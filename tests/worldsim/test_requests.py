@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pytest
 
 from patrol.errors import BadInput
+from patrol.net.mailbox import Question
 from patrol.scenario.controls import Answer, Pause
 from patrol.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
 from patrol.security.keys import FleetKeys
@@ -23,23 +23,17 @@ KEYS = FleetKeys("f")
 TOKEN = "a token that is long enough"
 
 
-@dataclass
-class Asked:
-    payload: bytes
-    answer: Callable[[bytes], None]
-
-
 class Door:
     """A world's mailbox for controls, and operators who ask it."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
-        self.waiting: deque[Asked] = deque()
+        self.waiting: deque[Question] = deque()
         self.gate = ControlGate("f", TOKEN, 9, b"s" * 16, lambda: 5.0)
         self.requests = ControlMailbox(self, self.gate)
         self.strangers: list[bytes] = []
 
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Asked] | None:
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:
         del timeout_s
         return (KEYS.control(ASK), self.waiting.popleft()) if self.waiting else None
 
@@ -50,10 +44,10 @@ class Door:
         (key,) = keys
         said: list[bytes] = []
         if key == KEYS.control(CHALLENGE):
-            answer_challenge(self.gate, Asked(payload, said.append), self.refused)
+            answer_challenge(self.gate, Question(payload, said.append), self.refused)
         else:
-            self.waiting += [Asked(stranger, self.strangers.append) for stranger in self.strangers]
-            self.waiting += [Asked(payload, said.append) for _ in range(2)]
+            self.waiting += [Question(stranger, self.strangers.append) for stranger in self.strangers]
+            self.waiting += [Question(payload, said.append) for _ in range(2)]
             for _ in range(5):
                 if (request := self.requests.get(0.1)) is not None:
                     refusal = str(request.control) if isinstance(request.control, BadInput) else ""
@@ -97,7 +91,7 @@ def test_strangers_get_no_answer_and_are_counted() -> None:
 
 def test_a_flood_of_strangers_is_read_a_part_at_a_time() -> None:
     door = Door()
-    door.waiting += [Asked(b"junk", door.strangers.append) for _ in range(3 * MOST_AT_ONCE)]
+    door.waiting += [Question(b"junk", door.strangers.append) for _ in range(3 * MOST_AT_ONCE)]
     assert door.requests.get(0.0) is None
     assert door.refused == {"token": MOST_AT_ONCE}
     assert len(door.waiting) == 2 * MOST_AT_ONCE
@@ -106,5 +100,5 @@ def test_a_flood_of_strangers_is_read_a_part_at_a_time() -> None:
 def test_a_challenge_of_the_wrong_length_is_counted_and_not_answered() -> None:
     door = Door()
     said: list[bytes] = []
-    answer_challenge(door.gate, Asked(b"short", said.append), door.refused)
+    answer_challenge(door.gate, Question(b"short", said.append), door.refused)
     assert (said, door.refused) == ([], {"malformed": 1})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from patrol.faults.kinds import Motion
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
-from patrol.pose import Command, Pose, command_of, is_halt
+from patrol.pose import Command, Pose, is_halt
 from worldsim.checks.check import Check, robots_hit
 from worldsim.checks.ground import ClosedGround
 from worldsim.checks.statuses import ExpectedStatuses
@@ -54,14 +54,12 @@ class BodiesApart(Check):
         super().__init__(run)
         self._expected = run.reading(ExpectedStatuses)
         self._ground = run.reading(ClosedGround)
-        self._radii = {robot.number: robot.radius for robot in run.journal.header.robots}
-        self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
         here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
-        radii = [self._radii[robot.number] for robot in here]
+        radii = [self._specs[robot.number].radius for robot in here]
         i, j = first_overlap(places, np.array(radii, dtype=np.float64), np.argsort(places[:, 0]), SLACK)
         if i < len(here):
             pair = f"{self._name(here[i].number)} and {self._name(here[j].number)}"
@@ -94,20 +92,16 @@ class MovesAreTrue(Check):
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
-        roster = run.prepared.scenario.roster
         self._expected = run.reading(ExpectedStatuses)
         self._ground = run.reading(ClosedGround)
-        self._specs = {spec.number: spec for spec in roster}
         self._noise = MotionNoise(run.prepared.scenario, run.timeline)
         self._uneven = run.entries(Motion)
-        self._starts = {spec.number: start for spec, start in zip(roster, run.prepared.starts, strict=True)}
-        self._due = dict(self._starts)
-        self._looked = 0
+        self._due = dict(run.starts)
 
     def _tick(self, record: TickRecord) -> None:
         for number in self._expected.appeared:
-            self._due[number] = self._starts[number]
-        commands = {row.number: command_of(self._specs[row.number].model, row.c0, row.c1) for row in record.robots}
+            self._due[number] = self._run.starts[number]
+        commands = {row.number: self._run.command(row) for row in record.robots}
         uneven = robots_hit(self._uneven, record.k)
         # Draws count for robots under a motion fault alone; all others must obey exactly.
         driven = commands | {n: to for n, to in self._noise.driven(record.k, commands).items() if n in uneven}
@@ -209,10 +203,8 @@ class BatteriesLast(Check):
         scenario = run.prepared.scenario
         self._places = np.array([dock.place for dock in scenario.docks], dtype=np.float64).reshape(-1, 2)
         self._reaches = np.array([dock.radius for dock in scenario.docks], dtype=np.float64)
-        robots = [(spec.number, spec.model, spec.battery) for spec in scenario.roster if spec.battery is not None]
-        self._numbers = [number for number, _, _ in robots]
-        self._models = {number: model for number, model, _ in robots}
-        kinds = [battery for _, _, battery in robots]
+        batteries = {number: spec.battery for number, spec in run.specs.items() if spec.battery is not None}
+        self._numbers, kinds = list(batteries), list(batteries.values())
         self._capacity = np.array([3600.0 * kind.capacity for kind in kinds])
         self._first = np.array([kind.start for kind in kinds]) * self._capacity
         self._per_s = np.array([kind.idle for kind in kinds])
@@ -261,7 +253,7 @@ class BatteriesLast(Check):
     def _way_of(self, row: RobotTick) -> float:
         if row.bumped:
             return 0.0
-        return command_of(self._models[row.number], row.c0, row.c1).speed_mps * self._step
+        return self._run.command(row).speed_mps * self._step
 
     def _find_charging(self, rows: list[RobotTick], stands: NDArray[np.bool_]) -> set[int]:
         """Return the indices of the robots that docks charge: at each dock the nearest one that stands there."""

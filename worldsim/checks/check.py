@@ -24,11 +24,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from patrol.faults.kinds import Fault, Join, Leave, Spoof
 from patrol.journal.records import FORGED, Status
+from patrol.pose import Command, command_of
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
-    from patrol.journal import Event, TickRecord
+    from patrol.journal import Event, RobotTick, TickRecord
+    from patrol.pose import Pose
     from patrol.prepare import Prepared
+    from patrol.scenario import RobotSpec
     from worldsim.faults import Entry, Timeline
     from worldsim.run_record import RunRecord
 
@@ -105,6 +108,20 @@ class JudgedRun:
         return {robot.number: robot.name for robot in self.journal.header.robots}
 
     @cached_property
+    def specs(self) -> dict[int, RobotSpec]:
+        """The robots as the scenario has them, by number."""
+        return {spec.number: spec for spec in self.prepared.scenario.roster}
+
+    @cached_property
+    def starts(self) -> dict[int, Pose]:
+        """The robots' poses at the start, by number."""
+        return dict(zip(self.specs, self.prepared.starts, strict=True))
+
+    def command(self, row: RobotTick) -> Command:
+        """Return the command that a robot was to obey in a tick."""
+        return command_of(self.specs[row.number].model, row.c0, row.c1)
+
+    @cached_property
     def forgers(self) -> dict[str, int]:
         """The numbers of the robots that forge (`NO_ROBOT` for a stranger) by the ids of the spoofs."""
         return {entry.id: entry.sources[0] for entry in self.entries(Spoof)}
@@ -138,6 +155,7 @@ class JournalReading(ABC):
         """Prepare to read a run. A reading that this one needs is asked for here, so it takes in each tick before."""
         self._run = run
         self._step = run.step
+        self._specs = run.specs
         self._events_read = 0
         if not self.needs_no_robots:
             run.reading(RobotsThere)
@@ -175,6 +193,7 @@ class Check(JournalReading):
         self._problem = ""
         self._unknown = ""  # why nothing can be judged
         self._warnings: list[str] = []
+        self._looked = 0  # how much was judged so far, for the detail
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:

@@ -16,7 +16,7 @@ from patrol.faults.kinds import Clock, Drift, Motion
 from patrol.ground.swept_path import free_fraction
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
-from patrol.pose import TAU, Command, Drive, Pose, Twist, command_of, is_halt
+from patrol.pose import TAU, Drive, Pose, Twist, is_halt
 from patrol.radio.message import CONTACT, MAX_TIME_MS, MRAD_PER_RAD, Position, Rejected, cm_to_m, decode, ms_to_s
 from worldsim.checks.check import FAMILY, Check, Series, first_problem
 from worldsim.checks.statuses import ExpectedStatuses
@@ -105,7 +105,6 @@ class SensesAsAsked(Check):
         self._reports: dict[int, _Reports] = {}
         along = ("small along x", "small along y", "above zero along x", "above zero along y")
         self._series = _make_halves("draws of noise", *along)
-        self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
         now = self._active(record.k)
@@ -251,7 +250,6 @@ class MotionAsAsked(Check):
         super().__init__(run)
         self._expected = run.reading(ExpectedStatuses)
         self._terrain = run.prepared.terrain
-        self._specs = {spec.number: spec for spec in run.prepared.scenario.roster}
         self._moves: dict[int, Move] = {}
         self._roomy: set[int] = set()
         self._stretches: dict[tuple[int, int, str], int] = {}
@@ -263,7 +261,6 @@ class MotionAsAsked(Check):
             rate = entry.fault.slip.rate if isinstance(entry.fault, Motion) and entry.fault.slip else 0.0
             words = f"of {{draws}} times {entry.id} let bodies slip in {{hits}}"
             self._slips[entry.index] = Series(rate, words, f"; expected is a share of {rate:g}")
-        self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
         for row in record.robots:
@@ -274,7 +271,7 @@ class MotionAsAsked(Check):
         self._roomy.clear()
         for row in record.robots:
             mine = [entry for entry in now if row.number in entry.who]
-            if len(mine) == 1 and row.status is Status.ALIVE and not is_halt(self._read_command(row)):
+            if len(mine) == 1 and row.status is Status.ALIVE and not is_halt(self._run.command(row)):
                 self._moves[row.number] = record.k, mine[0], row
                 # Other robots may be under all motion faults at once.
                 if self._has_room(row, record.robots, FASTEST ** len(now)):
@@ -285,18 +282,15 @@ class MotionAsAsked(Check):
         self._fail(first_problem(series, ALARM / len(series)))
         return f"{self._looked} moves as uneven as configured"
 
-    def _read_command(self, row: RobotTick) -> Command:
-        return command_of(self._specs[row.number].model, row.c0, row.c1)
-
     def _has_room(self, row: RobotTick, rows: Sequence[RobotTick], factor: float) -> bool:
         """Return True if nothing can cancel a robot's move, although it and others get so many times as far."""
         time_s, pose = factor * self._step, Pose(row.x, row.y, row.heading)
-        reach_m = self._specs[row.number].radius + self._read_command(row).speed_mps * time_s
+        reach_m = self._specs[row.number].radius + self._run.command(row).speed_mps * time_s
         if free_fraction(self._terrain, pose, pose, reach_m) < 1.0:
             return False
         return all(
             math.hypot(neighbour.x - row.x, neighbour.y - row.y)
-            > reach_m + self._specs[neighbour.number].radius + self._read_command(neighbour).speed_mps * time_s
+            > reach_m + self._specs[neighbour.number].radius + self._run.command(neighbour).speed_mps * time_s
             for neighbour in rows
             if neighbour.number != row.number and neighbour.number not in self._expected.away
         )
@@ -314,7 +308,7 @@ class MotionAsAsked(Check):
 
     def _measure_move(self, move: Move, fault: Motion, after: Pose) -> None:
         row = move[2]
-        command = self._read_command(row)
+        command = self._run.command(row)
         asked_m = command.speed_mps * self._step
         chord_m = math.hypot(after.x - row.x, after.y - row.y)
         match command:

@@ -18,6 +18,7 @@ from patrol.measures.best_tour import best_tour
 from patrol.measures.progress import Trap, Traps, judged_places
 from patrol.measures.stays import TRAPPED_S, Place, Stay
 from patrol.pose import Pose
+from patrol.summary.model import Stalest, Stalests
 from worldsim.checks.check import Check
 from worldsim.checks.ground import ClosedGround, GroundOpen, TrueFog
 from worldsim.faults import FAULT_EVENT
@@ -43,19 +44,6 @@ than its first."""
 
 WITHIN = 5.0
 """Longest time to see every point again once faults are over, in fault-free mean MFoW."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stalest:
-    """The stalest place at some time."""
-
-    x: float
-    y: float
-    age_s: float  # since it was last seen, or since the start if never
-    at_s: float  # the time at which it had this age
-    seen: bool  # it had been seen at least once
-    nearest: str | None  # living robot nearest in a straight line; None if none was alive
-    nearest_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +75,7 @@ class TrappedRobot:
 class RunProgress:
     """The progress of a patrol."""
 
-    worst: Stalest | None  # over the whole run; None without a tick
-    end: Stalest | None  # at the end of the run; None without a tick
+    stalest: Stalests
     stays: dict[int, LongestStay]  # by robot number
     trapped: tuple[TrappedRobot, ...]  # in the order in which they began
 
@@ -144,7 +131,7 @@ class ProgressCheck(Check):
     def facts(self) -> RunProgress:
         """Return the progress of the patrol, once all ticks are in."""
         if self._last is None or self._worst is None:
-            return RunProgress(None, None, {}, ())
+            return RunProgress(Stalests(worst=None, end=None), {}, ())
         step = self._step
         stays = {
             number: LongestStay(ticks * step, stay.since * step, stay.x, stay.y, stay.radius)
@@ -152,7 +139,7 @@ class ProgressCheck(Check):
         }
         traps = sorted(self._found.values(), key=lambda trap: (trap.since, trap.robot))
         trapped = tuple(self._trapped_robot(trap) for trap in traps)
-        return RunProgress(self._worst[1], self._find_stalest(self._last), stays, trapped)
+        return RunProgress(Stalests(worst=self._worst[1], end=self._find_stalest(self._last)), stays, trapped)
 
     def _end(self) -> str:
         if self._last is None:
@@ -281,9 +268,15 @@ class ProgressCheck(Check):
         x, y = self._run.prepared.terrain.centre(*point)
         away = [(math.dist((x, y), (r.x, r.y)), r.number) for r in record.robots if r.status is Status.ALIVE]
         nearest_m, number = min(away, default=(None, 0))
-        is_seen = int(self._fog.last_seen[point]) != NEVER
-        age_s, nearest = self._fog.mfow(record.k) * step, self._run.names.get(number)
-        return Stalest(x, y, age_s, record.k * step, is_seen, nearest, nearest_m)
+        return Stalest(
+            x=x,
+            y=y,
+            age_s=self._fog.mfow(record.k) * step,
+            at_s=record.k * step,
+            seen=int(self._fog.last_seen[point]) != NEVER,
+            nearest=self._run.names.get(number),
+            nearest_m=nearest_m,
+        )
 
 
 def _format_place(place: Place) -> str:

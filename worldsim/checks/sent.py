@@ -146,7 +146,6 @@ class FramesAreTrue(Check):
         except BadInput as bad:
             self._unknown_key = f"{TAGS_NOT_JUDGED}{bad}"
         self._missing: list[tuple[int, int, str]] = []
-        self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
         # Only now does the journal show which robots were lost in the tick before.

@@ -51,8 +51,6 @@ class ExpectedStatuses(JournalReading):
         self._k = 0
         self._entries = run.entries(OnProcesses)
         self._waits = scenario.factor is None
-        self._specs = {spec.number: spec for spec in scenario.roster}
-        self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, run.prepared.starts, strict=True)}
         self._status = {number: Status.ABSENT if number in self.away else Status.ALIVE for number in self._specs}
         self._incarnations = {number: FIRST_INCARNATION - (number in self.away) for number in self._specs}
         self._coming: dict[int, str] = {}
@@ -135,7 +133,7 @@ class ExpectedStatuses(JournalReading):
 
     def _in_the_way(self, number: int, rows: Mapping[int, RobotTick]) -> list[str]:
         """Return the names of the robots that stand where the robot is to appear, if it has to appear."""
-        start, radius = self._starts[number], self._specs[number].radius
+        start, radius = self._run.starts[number], self._specs[number].radius
         return [
             self._name(neighbour)
             for neighbour, row in rows.items()
@@ -211,10 +209,6 @@ class DownAreSilent(Check):
 
     name = "the down are silent"
     needs_no_robots = True
-
-    def __init__(self, run: JudgedRun) -> None:
-        super().__init__(run)
-        self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
         down = {row.number: row for row in record.robots if row.status is not Status.ALIVE}

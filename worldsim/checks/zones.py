@@ -13,7 +13,6 @@ from patrol.closures.ground import IN_IT, WAITING, WAITS, closure_of
 from patrol.faults.kinds import Close, Motion, OnClosure
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
-from patrol.pose import command_of
 from patrol.random import Purpose, draw
 from worldsim.checks.check import Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround
@@ -44,7 +43,6 @@ class ZoneCheck(Check):
         self._expected = run.reading(ExpectedStatuses)
         self._zones = self._zones_of(run)
         self._is_in = {zone.name: _place_test(zone) for zone in self._zones}
-        self._looked = 0
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
@@ -98,7 +96,6 @@ class SlowZonesKept(ZoneCheck):
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
-        self._models = {spec.number: spec.model for spec in run.prepared.scenario.roster}
         self._motions = run.entries(Motion)
         self._moving: dict[int, tuple[RobotTick, ZoneSpec]] = {}
 
@@ -113,7 +110,7 @@ class SlowZonesKept(ZoneCheck):
             if zone is None:
                 continue
             if row.number in disturbed:
-                speed = command_of(self._models[row.number], row.c0, row.c1).speed_mps
+                speed = self._run.command(row).speed_mps
                 self._judge_zone(record.k, row, zone, speed * self._step)
             else:
                 self._moving[row.number] = row, zone
@@ -191,11 +188,10 @@ class ClosuresKept(Check):
         self._expected = run.reading(ExpectedStatuses)
         self._ground = run.reading(ClosedGround)
         self._closed = self._ground.closed
-        self._specs = scenario.closures
+        self._closures = scenario.closures
         self._corners = {spec.name: np.array(spec.polygon, dtype=np.float64) for spec in scenario.closures}
-        self._radii = {spec.number: spec.radius for spec in scenario.roster}
         self._diagonal = math.sqrt(2.0) * scenario.point
-        self._by_draws = [False] * len(self._specs)
+        self._by_draws = [False] * len(self._closures)
         self._faults = [(entry, entry.fault) for entry in run.timeline.entries if isinstance(entry.fault, OnClosure)]
         self._was_closed: set[str] = set()
         self._was_waiting: set[str] = set()
@@ -209,7 +205,7 @@ class ClosuresKept(Check):
     def _tick(self, record: TickRecord) -> None:
         here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._ticks += 1
-        for number, spec in enumerate(self._specs):
+        for number, spec in enumerate(self._closures):
             wanted = self._is_wanted(number, spec, record.k)
             is_closed = spec.name in self._closed.names
             self._turns += is_closed != (spec.name in self._was_closed)
@@ -260,7 +256,7 @@ class ClosuresKept(Check):
 
     def _measure_depth(self, robot: RobotTick, name: str) -> float:
         """Return how far a body reaches into a closure, m."""
-        return self._radii[robot.number] - _measure_gap(self._corners[name], robot)
+        return self._specs[robot.number].radius - _measure_gap(self._corners[name], robot)
 
     def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
         rate = (spec.opens if self._by_draws[number] else spec.closes) or 0.0
@@ -272,7 +268,7 @@ class ClosuresKept(Check):
         return self._by_draws[number] if spec.closed is None else is_within(spec.closed, k * self._step)
 
     def _end(self) -> str:
-        return f"{len(self._specs)} closures closed or opened {self._turns} times in {self._ticks} ticks, as asked"
+        return f"{len(self._closures)} closures closed or opened {self._turns} times in {self._ticks} ticks, as asked"
 
 
 def is_within(spans: Sequence[tuple[float, float]], time_s: float) -> bool:

@@ -24,8 +24,9 @@ from patrol.scenario.controls import OPERATOR
 if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
+    from patrol.net.mailbox import Question
     from patrol.prepare import Prepared
-    from worldsim.controls import Question, RunState
+    from worldsim.controls import RunState
     from worldsim.mailbox import Mailbox
     from worldsim.world import World
 

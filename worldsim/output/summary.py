@@ -42,14 +42,12 @@ class Totals:
         if self._nodes is not None:
             self._nodes.tick(record)
 
-    def summary(
-        self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None
-    ) -> tuple[Summary, Verdict]:
+    def summary(self, journal: RunRecord, verdict: Verdict, prepared: Prepared) -> tuple[Summary, Verdict]:
         """Return the run's summary after its last tick, when the journal has ended, and the verdict on both.
 
-        The journal's ticks are not read. `prepared` is as for `summarise`.
+        The journal's ticks are not read.
         """
-        header, end = self._header, journal.end
+        header, end, tour = self._header, journal.end, best_tour(prepared)
         document = self._run.figures(journal.events).document()
         wall_s = end.notes.get("wall_s") if end else None
         document |= {
@@ -61,8 +59,9 @@ class Totals:
             "wall_s": wall_s,
             "realtime_factor": document["simulated_s"] / wall_s if wall_s else None,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
-            **_tour_figures(prepared),
-            **_left_out(prepared),
+            "best_tour_s": tour.bound_of_fleet_s(prepared.scenario),
+            "best_tour_m": tour.length_m,
+            "left_out": None if prepared.left_out is None else asdict(prepared.left_out),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress_figures(verdict.progress),
             **verdict.figures,
@@ -100,39 +99,21 @@ def verdict_facts(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> tuple[Summary, Verdict]:
-    """Compute the summary of a run that has ended, and judge its figures as well.
-
-    Without `prepared` it lacks what needs the terrain.
-    """
+def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared) -> tuple[Summary, Verdict]:
+    """Compute the summary of a run that has ended, and judge its figures as well."""
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)
     return totals.summary(journal, verdict, prepared)
 
 
-def _tour_figures(prepared: Prepared | None) -> dict[str, float | None]:
-    """Return the MFoW on the best tour found for all robots that are not spare, and its length."""
-    if prepared is None:
-        return {"best_tour_s": None, "best_tour_m": None}
-    tour = best_tour(prepared)
-    return {"best_tour_s": tour.bound_of_fleet_s(prepared.scenario), "best_tour_m": tour.length_m}
-
-
-def _left_out(prepared: Prepared | None) -> dict[str, Any]:
-    """Return the free ground that no robot sees; None too where the ground is not known."""
-    left_out = None if prepared is None else prepared.left_out
-    return {"left_out": None if left_out is None else asdict(left_out)}
-
-
 def _progress_figures(progress: RunProgress | None) -> dict[str, Any]:
     """Return where robots were trapped, and the stalest places; a verdict may not have looked for them."""
     if progress is None:
         return {"trapped": [], "stalest": {}}
-    places = {"worst": progress.worst, "end": progress.end}
     return {
         "trapped": [{**asdict(robot), "stale": list(robot.stale)} for robot in progress.trapped],
-        "stalest": {name: None if stalest is None else asdict(stalest) for name, stalest in places.items()},
+        "stalest": progress.stalest.document(),
     }
 
 

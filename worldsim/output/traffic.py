@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections import Counter, defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,22 +61,6 @@ FORGER = "forger"
 """The sender of forged frames."""
 
 
-@dataclass(slots=True)
-class _Fault:
-    entry: Entry
-    frames: int = 0
-    dropped: int = 0
-    delayed: int = 0
-    duplicated: int = 0
-
-    def facts(self) -> dict[str, Any]:
-        facts = {"kind": self.entry.fault.kind}
-        if self.entry.fault.kind in FRAME_KINDS:
-            counts = ("frames", "dropped", "delayed", "duplicated")
-            facts |= {name: getattr(self, name) for name in counts}
-        return facts
-
-
 class Traffic:
     """Counts a run's frames tick by tick; a frame counts once per receiver, and so does each copy.
 
@@ -93,12 +76,12 @@ class Traffic:
         self._sent, self._delivered = np.zeros((2, side, side), dtype=np.int64)
         self._dropped: dict[tuple[int, int], Counter[str]] = defaultdict(Counter)
         self._timeline: Timeline | None = None
-        self._faults: dict[str, _Fault] = {}
+        self._faults: dict[str, Counter[str]] = {}
         self._here: frozenset[int] = frozenset()
         self._reach: dict[tuple[str, int], int] = {}
         if header.scenario.get("faults") or any(event.kind == OPERATOR for event in events):
             self._timeline = Timeline(operated(load_scenario(header.scenario), events))
-            self._faults = {entry.id: _Fault(entry) for entry in self._timeline.entries}
+            self._faults = {entry.id: Counter() for entry in self._timeline.entries}
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -126,7 +109,12 @@ class Traffic:
 
     def faults(self) -> dict[str, Any]:
         """Return the counts by the ids of faults."""
-        return {name: fault.facts() for name, fault in self._faults.items()}
+        kinds = {} if self._timeline is None else {entry.id: entry.fault.kind for entry in self._timeline.entries}
+        counted = ("frames", "dropped", "delayed", "duplicated")
+        return {
+            name: {"kind": kind} | ({key: self._faults[name][key] for key in counted} if kind in FRAME_KINDS else {})
+            for name, kind in kinds.items()
+        }
 
     def _count_reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
         """Count the others that a sender's frames reach over the links that a fault acts on."""
@@ -140,19 +128,19 @@ class Traffic:
 
     def _count_faults(self, timeline: Timeline, record: TickRecord, here: frozenset[int], sent: Counter[int]) -> None:
         senders = Counter({source: frames for source, frames in sent.items() if source != FORGED})
+        origins = {entry.id: entry.sources[0] for entry in timeline.entries if isinstance(entry.fault, Spoof)}
         for fault in record.forged:
-            spoof = self._faults[fault]
-            spoof.frames += len(here)
-            senders[spoof.entry.sources[0]] += 1
+            self._faults[fault]["frames"] += len(here)
+            senders[origins[fault]] += 1
         for entry in timeline.at(record.k):
             if not isinstance(entry.fault, Spoof):
-                self._faults[entry.id].frames += sum(
+                self._faults[entry.id]["frames"] += sum(
                     frames * self._count_reached(entry, origin, here) for origin, frames in senders.items()
                 )
         for _, cause, count in dropped_by_source(record):
             if (fault := cause.partition(":")[2]) in self._faults:
-                self._faults[fault].dropped += count
+                self._faults[fault]["dropped"] += count
         for *_, fault in record.delayed:
-            self._faults[fault].delayed += 1
+            self._faults[fault]["delayed"] += 1
         for *_, fault in record.copies:
-            self._faults[fault].duplicated += 1
+            self._faults[fault]["duplicated"] += 1

@@ -28,36 +28,19 @@ Ages = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ZoneFacts:
-    """The figures of a run's zones."""
+    """The ages of the ground of a run's zones that weigh and were in force, and of the ground in none of them."""
 
-    mfow_weighted_mean_s: float  # mean over all ticks of the greatest age times weight
-    mfow_weighted_late_mean_s: float  # the same over the second half
-    mfow_weighted_max_s: float  # the greatest of all ticks
-    best_weighted_s: float | None  # mean over all ticks on the best weighted tours; None if there are none at some time
-    # of each zone that weighs and was in force, by name, and of the ground in none of them
-    zones: dict[str, ZoneFigures]
-    ages_s: dict[str, Ages]  # of each of these; not in the summary
-
-    def figures(self) -> dict[str, Any]:
-        """Return what the summary has of it."""
-        zones = {name: part.model_dump(exclude_unset=True) for name, part in self.zones.items()}
-        return {name: value for name, value in vars(self).items() if name != "ages_s"} | {"zones": zones}
+    figures: dict[str, Any]  # entries of the summary
+    ages_s: dict[str, Ages]  # by name
 
 
 @dataclass(frozen=True, eq=False)
 class OpenFacts:
-    """The figures of a run with closures."""
+    """The ages of ground while it was open to view, in a run with closures."""
 
-    mfow_open_mean_s: float  # mean over all ticks of the greatest open age
-    mfow_open_late_mean_s: float  # the same over the second half
-    mfow_open_max_s: float  # the greatest open age of all ticks
-    closed_out_share: float  # share of ground times time that was closed out
-    ages_s: Ages  # greatest open age in each tick; not in the summary
-    zones_s: dict[str, Ages]  # the same by zone with a wanted age; not in the summary
-
-    def figures(self) -> dict[str, float]:
-        """Return what the summary has of it."""
-        return {name: value for name, value in vars(self).items() if name not in ("ages_s", "zones_s")}
+    figures: dict[str, Any]  # entries of the summary
+    ages_s: Ages  # greatest open age in each tick
+    zones_s: dict[str, Ages]  # the same by zone with a wanted age
 
 
 @dataclass(slots=True)
@@ -119,18 +102,14 @@ class ZoneAges(JournalReading):
 
     def facts(self) -> ZoneFacts | None:
         """Return the figures; None before the first tick."""
-        ticks, step = len(self._weighted), self._step
-        if not ticks:
+        if not self._weighted:
             return None
+        step = self._step
         parts = {name: part for name, part in self._parts.items() if not np.isnan(part.stalest).all()}
-        return ZoneFacts(
-            mfow_weighted_mean_s=float(np.mean(self._weighted)) * step,
-            mfow_weighted_late_mean_s=float(np.mean(self._weighted[ticks // 2 :])) * step,
-            mfow_weighted_max_s=max(self._weighted) * step,
-            best_weighted_s=self._best_weighted_s(),
-            zones={name: self._figures(name, part) for name, part in parts.items()},
-            ages_s={name: np.array(part.stalest) * step for name, part in parts.items()},
-        )
+        zones = {name: self._figures(name, part).document() for name, part in parts.items()}
+        best_s = {"best_weighted_s": self._best_weighted_s(), "zones": zones}
+        figures = _age_figures("mfow_weighted", np.array(self._weighted) * step) | best_s
+        return ZoneFacts(figures, {name: np.array(part.stalest) * step for name, part in parts.items()})
 
     def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
         """Return the weights of the ground while some zones are in force, and the points of each."""
@@ -155,11 +134,9 @@ class ZoneAges(JournalReading):
             weight=self._weights.get(name, 1.0),
             area_m2=len(part.points) * self._run.prepared.terrain.point_area,
             fog_mean_s=part.mean / len(ages) * self._step,
-            mfow_mean_s=float(ages.mean()),
-            mfow_late_mean_s=float(ages[len(ages) // 2 :].mean()),
-            mfow_max_s=float(ages.max()),
             wanted_s=wanted,
             kept_share=None if wanted is None else float(np.mean(ages <= wanted)),
+            **_age_figures("mfow", ages),
         )
 
 
@@ -194,11 +171,12 @@ class AgesOpen(JournalReading):
         ages = np.array(self._ages.greatest) * self._step
         if not ages.size:
             return None
-        return OpenFacts(
-            mfow_open_mean_s=float(ages.mean()),
-            mfow_open_late_mean_s=float(ages[ages.size // 2 :].mean()),
-            mfow_open_max_s=float(ages.max()),
-            closed_out_share=float(np.mean(self._ages.closed_share)),
-            ages_s=ages,
-            zones_s={name: np.array(of_zone) * self._step for name, of_zone in self._in_zones.items()},
-        )
+        figures = _age_figures("mfow_open", ages) | {"closed_out_share": float(np.mean(self._ages.closed_share))}
+        return OpenFacts(figures, ages, {name: np.array(zone) * self._step for name, zone in self._in_zones.items()})
+
+
+def _age_figures(name: str, ages_s: Ages) -> dict[str, float]:
+    """Return the mean of the ages over all ticks and over their second half, and the greatest, as the summary's."""
+    late_s = ages_s[ages_s.size // 2 :]
+    means = {f"{name}_mean_s": float(ages_s.mean()), f"{name}_late_mean_s": float(late_s.mean())}
+    return means | {f"{name}_max_s": float(ages_s.max())}

@@ -125,9 +125,7 @@ class Verdict:
     @property
     def figures(self) -> dict[str, Any]:
         """Entries of the summary that only a look at the fog can give."""
-        return {
-            name: value for facts in (self.zones, self.open_ages) if facts for name, value in facts.figures().items()
-        }
+        return {name: value for facts in (self.zones, self.open_ages) if facts for name, value in facts.figures.items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -192,21 +190,15 @@ class Judge:
 
 
 def judge(
-    journal: RunRecord | None,
-    exit_codes: Mapping[str, int | None],
-    prepared: Prepared,
-    *,
-    baseline_s: float | None = None,
+    journal: RunRecord, exit_codes: Mapping[str, int | None], prepared: Prepared, *, baseline_s: float | None = None
 ) -> Verdict:
-    """Judge a run; without a journal (None) the verdict is ``unknown``.
+    """Judge a run.
 
     Exit codes are by name of process (`worldsim.faults.process_name`): None for a process that was never seen
     to end, and no codes at all for a run in one process. Poses and fog are recomputed from `prepared`; what operators
     added is read from the journal. `baseline_s` is the mean MFoW of the same scenario without its faults, for the check
     of recovery; None if unknown.
     """
-    if journal is None:
-        return Verdict("unknown", (CheckResult("journal", False, "there is no journal"),))
     prepared = prepared.as_operated(journal.events)
     judging = Judge(journal, exit_codes, prepared, baseline_s=baseline_s)
     for record in journal.ticks:

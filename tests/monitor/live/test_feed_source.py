@@ -26,6 +26,7 @@ from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
+from patrol.net.mailbox import Question
 from patrol.scenario.controls import OPERATOR
 from patrol.wire import read_sparingly
 from tests.monitor.conftest import Seen
@@ -317,13 +318,11 @@ def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
 class Asking:
     """Somebody who asks a world once for all so far."""
 
-    payload = b""
-
     def __init__(self) -> None:
-        self.waiting = [("truth/fog", self)]
+        self.waiting = [("truth/fog", Question(b"", self.answer))]
         self.told: list[bytes] = []
 
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Asking] | None:  # noqa: ARG002 - it is there or it is not
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:  # noqa: ARG002 - it is there or it is not
         return self.waiting.pop() if self.waiting else None
 
     def answer(self, payload: bytes) -> None:

@@ -13,6 +13,7 @@ import pytest
 from monitor.observation.source import RobotShape, RobotState, Series, State, Static
 from monitor.recording import live_recorder
 from monitor.recording.live_recorder import LiveRecorder, record_live
+from patrol.ground.terrain import Terrain
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario import as_mapping, load_scenario
@@ -37,10 +38,8 @@ class Told:
         self._static = Static(
             name="f",
             scenario=mapping,
-            passable=PATROLLED,
+            terrain=Terrain("f", PATROLLED, 0.5, (3.0, 4.0)),
             patrolled=PATROLLED,
-            point=0.5,
-            origin=(3.0, 4.0),
             robots=shapes,
             step=0.5,
             ticks=None,

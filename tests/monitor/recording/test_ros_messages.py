@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from monitor.recording.ros_file import RESERVED_NAMES, grid_values, ros_names, wall_values
 from monitor.recording.ros_messages import FRAME, GRID, LOG, NUMBER, POSE, TRANSFORMS, Encoder
-from monitor.recording.run_recorder import RESERVED_NAMES, grid_values, ros_names, wall_values
 from patrol.ground.fog import Fog
 
 AT_NS = 3_000_000_007

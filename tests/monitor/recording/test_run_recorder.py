@@ -11,7 +11,8 @@ from mcap.reader import make_reader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2.metadata import parse_qos
 
-from monitor.recording.run_recorder import Recorder, grid_values, key_frame_ticks, ros_names, scale_of
+from monitor.recording.ros_file import grid_values, ros_names
+from monitor.recording.run_recorder import Recorder, key_frame_ticks, scale_of
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from patrol.errors import BadInput

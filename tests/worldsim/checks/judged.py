@@ -44,8 +44,8 @@ def failures(result: Result, exits: Exits | None = None) -> dict[str, str]:
 
 
 def summary_of(result: Result) -> Summary:
-    """The summary of a run, without the best tour."""
-    return summarise(result[1], judge(result[1], {}, result[0].prepared))[0]
+    """The summary of a run."""
+    return summarise(result[1], judge(result[1], {}, result[0].prepared), result[0].prepared)[0]
 
 
 def change(journal: MemoryJournal, k: int, **fields: Any) -> None:

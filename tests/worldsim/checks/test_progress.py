@@ -19,7 +19,7 @@ from patrol.scenario import load_scenario
 from tests.worldsim.checks.judged import result_of
 from worldsim.checks.check import CheckResult
 from worldsim.checks.ground import FogIsTrue
-from worldsim.checks.progress import ProgressCheck, Stalest, TrappedRobot
+from worldsim.checks.progress import ProgressCheck, TrappedRobot
 from worldsim.output.record import header_of
 from worldsim.run_record import MemoryJournal
 from worldsim.truth import Truth
@@ -252,9 +252,9 @@ def test_warnings_leave_the_outcome_as_it_is_and_name_the_stalest_place(ready: P
     assert len(verdict.warnings) == 1
     assert all(check.ok for check in verdict.checks if check.name == "progress")
     assert verdict.progress is not None
-    end = verdict.progress.end
-    assert verdict.progress.worst == end
-    assert isinstance(end, Stalest)
+    end = verdict.progress.stalest.end
+    assert verdict.progress.stalest.worst == end
+    assert end is not None
     assert (end.age_s, end.at_s, end.seen, end.nearest) == (499.5, 499.5, False, "r1")
     assert Verdict("valid", verdict.checks).warnings == verdict.warnings
     assert Verdict("valid", verdict.checks).exit_code == 0

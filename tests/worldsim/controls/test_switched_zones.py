@@ -83,7 +83,7 @@ def test_a_weight_that_is_changed_is_judged_and_gives_the_same_trace_again() -> 
     without = run_in_process(prepared)
     assert end_of(without.journal) != end_of(journal)
     assert without.verdict.zones is not None
-    assert verdict.zones.mfow_weighted_max_s != without.verdict.zones.mfow_weighted_max_s
+    assert verdict.zones.figures["mfow_weighted_max_s"] != without.verdict.zones.figures["mfow_weighted_max_s"]
 
 
 def test_a_scenario_of_changed_weights_comes_back_from_its_file(tmp_path: Path) -> None:

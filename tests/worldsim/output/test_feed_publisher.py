@@ -13,6 +13,7 @@ from fogwatch.inprocess import InProcessFleet
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
 from patrol.messages.feed import read_so_far
+from patrol.net.mailbox import Question
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from worldsim.controls import RunState
@@ -32,15 +33,13 @@ SMALL = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": 
 class Asking:
     """Somebody who asks again and again."""
 
-    payload = b""
-
     def __init__(self) -> None:
         self.left = 0
         self.answers: list[bytes] = []
 
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Asking] | None:  # noqa: ARG002 - it is there or it is not
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Question] | None:  # noqa: ARG002 - it is there or it is not
         self.left -= 1
-        return ("truth/fog", self) if self.left >= 0 else None
+        return ("truth/fog", Question(b"", self.answer)) if self.left >= 0 else None
 
     def answer(self, payload: bytes) -> None:
         self.answers.append(payload)

@@ -87,7 +87,7 @@ def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> 
     room = {"name": "room", "polygon": [[10.5, 0], [20, 0], [20, 15], [10.5, 15]], "closed": [[4, 12]]}
     world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, closures=[room])
     journal = lab.run(world)
-    summary, verdict = summarise(journal, judge(journal, {}, world.prepared))
+    summary, verdict = summarise(journal, judge(journal, {}, world.prepared), world.prepared)
     assert verdict.open_ages is not None
     ages_s = verdict.open_ages.ages_s
     assert ages_s.shape == (40,)
