@@ -125,7 +125,7 @@ class RunChoices:
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
     in_process: Annotated[bool, _of_run("", _IN_PROCESS, "--in-process")] = False
-    workers: Annotated[int, _of_run("N", _WORKERS, min=1, max=MOST_WORKERS)] = 1
+    workers: Annotated[int, _of_run("N", _WORKERS)] = 1
     port: Annotated[int | None, _of_run("N", "TCP port of the router (default: a free one).")] = None
     recovery: Annotated[bool, _of_run("", _RECOVERY, "--recovery")] = False
     page: Annotated[bool, _of_output("", _PAGE, "--page/--no-page")] = True
@@ -137,6 +137,8 @@ class RunChoices:
         """Raise BadInput for a port that is none, and for workers that nothing uses."""
         if self.port is not None and not 0 < self.port < 65536:
             raise BadInput(f"--port {self.port}: is not a TCP port; give one from 1 to 65535")
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise BadInput(f"--workers {self.workers}: expected 1 to {MOST_WORKERS}")
         if self.workers > 1 and not self.in_process:
             why = "each robot is a process of its own"
             raise BadInput(f"--workers {self.workers}: {why}; leave it out, or give --in-process")
