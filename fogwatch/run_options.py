@@ -5,6 +5,7 @@ Presets, and others that change its scenario (`Changes`); and how it is run (`Ru
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -114,7 +115,7 @@ class Changes:
 
     def overrides(self) -> dict[str, object]:
         """Return all but the spare robots as overrides, by dotted field of the scenario."""
-        robot_options = {"robots": self.robots, "start": [_read_start(text) for text in self.start or ()] or None}
+        robot_options = {"robots": self.robots, "start": [read_start(text) for text in self.start or ()] or None}
         timing = {name: getattr(self, name) for name in ("duration", "seed", "pace", "point")}
         return overrides_of(self.settings, self.patrol, self.preset, **robot_options, **vars(self.body), **timing)
 
@@ -152,12 +153,12 @@ def overrides_of(
     return chosen_settings({**by_field, **parse_overrides(settings or [])}, patrol, preset)
 
 
-def _read_start(text: str) -> list[float]:
+def read_start(text: str) -> list[float]:
     """Read a start: X,Y or X,Y,HEADING."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) not in (2, 3):
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise BadInput(f"--start {text}: expected X,Y or X,Y,HEADING in m and rad, for example --start 12.5,40")
     return numbers
