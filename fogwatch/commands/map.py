@@ -84,7 +84,7 @@ def check(
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     _check_lengths(radius=radius, point=point, range=sensor_range)
     _check_picture(picture)
-    starts = [Pose(*read_start(text)[:2], 0.0) for text in start or []]
+    starts = [Pose(x, y, 0.0) for x, y, *_ in map(read_start, start or ())]
     warm(("patrol",), note, SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
