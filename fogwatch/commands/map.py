@@ -12,7 +12,7 @@ import numpy as np
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import note, say
-from fogwatch.cli.options import argument, option
+from fogwatch.cli.options import argument, bounded, option
 from fogwatch.run_options import read_start
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.whole_file import writing
@@ -38,8 +38,12 @@ app = group(
 MOST_LINES = 20
 """Sealed parts listed at most, and doors, and regions."""
 
+LEAST_M, MOST_M = 0.001, 100_000.0
+"""Lengths that options take, m."""
 MOST_OFF_M = 10.0
 """The largest tolerance of landmarks, m."""
+
+Point = Annotated[float, bounded("M", "Side of one grid point in m.", LEAST_M, MOST_M)]
 
 APART_TOLERANCES = 10.0
 """Distance of the farthest two landmarks at least, in tolerances."""
@@ -63,9 +67,9 @@ def named_terrain(what: str, point: float) -> Terrain:
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
 def check(
     what: Annotated[str, argument("MAP.yaml|BUILTIN", f"Map file, or one of {', '.join(LAYOUTS)}.")],
-    radius: Annotated[float, option("M", "Body radius in m.")] = 1.0,
-    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
-    sensor_range: Annotated[float, option("M", "Sensor range in m.", "--range")] = 10.0,
+    radius: Annotated[float, bounded("M", "Body radius in m.", LEAST_M, MOST_M)] = 1.0,
+    point: Point = 0.1,
+    sensor_range: Annotated[float, bounded("M", "Sensor range in m.", LEAST_M, MOST_M, "--range")] = 10.0,
     line_of_sight: Annotated[
         bool, option("", "Whether obstacles block the sensor.", "--line-of-sight/--through-walls")
     ] = True,
@@ -82,7 +86,6 @@ def check(
     speed: Annotated[float, option("M", "Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
-    _check_lengths(radius=radius, point=point, range=sensor_range)
     _check_picture(picture)
     starts = [Pose(x, y, 0.0) for x, y, *_ in map(read_start, start or ())]
     warm(("patrol",), note, SELDOM)
@@ -231,13 +234,6 @@ def _read_docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     return load_scenario(mapping, called=f"--docks {file}").docks
 
 
-def _check_lengths(**lengths_m: float | None) -> None:
-    """Refuse an option, by its name, that is no length; None is an option that was not given."""
-    for name, value in lengths_m.items():
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
-
-
 @command(
     app, examples=["fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5"]
 )
@@ -247,8 +243,8 @@ def align(
     landmark: Annotated[
         list[str], option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
     ],
-    tolerance: Annotated[float, option("M", "How far landmarks may be off each other in m.")] = 0.3,
-    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
+    tolerance: Annotated[float, bounded("M", "How far landmarks may be off in m.", LEAST_M, MOST_OFF_M)] = 0.3,
+    point: Point = 0.1,
     picture: Annotated[Path | None, option("OUT.png", "Draw the maps over each other into this PNG file.")] = None,
 ) -> None:
     """Find where a robot's own map A lies on our map B: how far it is shifted and turned.
@@ -256,9 +252,6 @@ def align(
     By landmarks that both maps show, such as corners of rooms, far from each other. The last line is the option that an
     agent of a robot with map A needs on map B (fogwatch agent --robot ros2). Look at the picture before you drive.
     """
-    _check_lengths(point=point, tolerance=tolerance)
-    if tolerance > MOST_OFF_M:
-        raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
     pairs = [_read_pair(text) for text in landmark]
     _check_picture(picture)
     warm(("patrol",), note, SELDOM)
@@ -339,10 +332,10 @@ def _read_pair(text: str) -> tuple[Place, Place]:
 def regions(
     what: Annotated[str, argument("SCENARIO", f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")],
     point: Annotated[
-        float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
+        float | None, bounded("M", "Side of one grid point in m (default: the scenario's, or 0.1).", LEAST_M, MOST_M)
     ] = None,
     radius: Annotated[
-        float | None, option("M", "Body radius in m (default: the largest of the scenario's robots, or 1).")
+        float | None, bounded("M", "Body radius in m (default: the largest of the robots, or 1).", LEAST_M, MOST_M)
     ] = None,
     picture: Annotated[Path | None, option("OUT.png", "Draw the regions into this PNG file.")] = None,
     polygons: Annotated[
@@ -353,7 +346,6 @@ def regions(
 
     Robots use them with the policy potential-field and patrol.options.paths: regions.
     """
-    _check_lengths(point=point, radius=radius)
     _check_picture(picture)
     field_lengths_m = {"point": point, "robots.radius": radius}
     overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
