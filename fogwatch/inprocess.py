@@ -125,18 +125,15 @@ class InProcessFleet(WithoutProcesses):
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
-            self._drop_robot(number)
+            self.kill(number)
         return lost
-
-    def kill(self, number: int) -> None:
-        """Drop a mind, with all that it knew."""
-        self._drop_robot(number)
 
     def leave(self, number: int) -> None:
         """Drop a mind; it has nothing to put in order."""
-        self._drop_robot(number)
+        self.kill(number)
 
-    def _drop_robot(self, number: int) -> None:
+    def kill(self, number: int) -> None:
+        """Drop a mind, with all that it knew."""
         self._minds.pop(number, None)
         if self._beliefs is not None:
             self._beliefs.leave(number)

@@ -5,6 +5,7 @@ Presets, and others that change its scenario (`Changes`); and how it is run (`Ru
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -110,7 +111,7 @@ class Changes:
 
     def overrides(self) -> dict[str, object]:
         """Return all but the spare robots as overrides, by dotted field of the scenario."""
-        robot_options = {"robots": self.robots, "start": [_read_start(text) for text in self.start or ()] or None}
+        robot_options = {"robots": self.robots, "start": [read_start(text) for text in self.start or ()] or None}
         timing = {name: getattr(self, name) for name in ("duration", "seed", "pace", "point")}
         return overrides_of(self.settings, self.patrol, self.preset, **robot_options, **vars(self.body), **timing)
 
@@ -121,7 +122,7 @@ class RunChoices:
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
     in_process: Annotated[bool, _of_run("", _IN_PROCESS, "--in-process")] = False
-    workers: Annotated[int, _of_run("N", _WORKERS, min=1, max=MOST_WORKERS)] = 1
+    workers: Annotated[int, _of_run("N", _WORKERS)] = 1
     port: Annotated[int | None, _of_run("N", "TCP port of the router (default: a free one).")] = None
     recovery: Annotated[bool, _of_run("", _RECOVERY, "--recovery")] = False
     page: Annotated[bool, _of_output("", _PAGE, "--page/--no-page")] = True
@@ -133,6 +134,8 @@ class RunChoices:
         """Raise BadInput for a port that is none, and for workers that nothing uses."""
         if self.port is not None and not 0 < self.port < 65536:
             raise BadInput(f"--port {self.port}: is not a TCP port; give one from 1 to 65535")
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise BadInput(f"--workers {self.workers}: expected 1 to {MOST_WORKERS}")
         if self.workers > 1 and not self.in_process:
             why = "each robot is a process of its own"
             raise BadInput(f"--workers {self.workers}: {why}; leave it out, or give --in-process")
@@ -146,12 +149,12 @@ def overrides_of(
     return chosen_settings({**by_field, **parse_overrides(settings or [])}, patrol, preset)
 
 
-def _read_start(text: str) -> list[float]:
+def read_start(text: str) -> list[float]:
     """Read a start: X,Y or X,Y,HEADING."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) not in (2, 3):
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise BadInput(f"--start {text}: expected X,Y or X,Y,HEADING in m and rad, for example --start 12.5,40")
     return numbers

@@ -89,12 +89,9 @@ class FleetStatus:
         yield from (f"fault in force: {fault}" for fault in self.faults)
         yield from (f"warning: {warning}" for warning in self.warnings)
         yield from (f"unknown: {unknown}" for unknown in self.unknown)
-        yield "all well" if self.well else f"not well: {self._problem_counts()}"
-
-    def _problem_counts(self) -> str:
         wrong, warnings = sum(bool(robot.wrong) for robot in self.robots), len(self.warnings)
-        robots = [f"{wrong} of {len(self.robots)} robots"] if wrong else []
-        return ", ".join([*robots, *([f"warnings: {warnings}"] if warnings else [])])
+        problems = [f"{wrong} of {len(self.robots)} robots"] * bool(wrong) + [f"warnings: {warnings}"] * bool(warnings)
+        yield f"not well: {', '.join(problems)}" if problems else "all well"
 
 
 def _world_text(world: WorldStatus | None) -> str:
@@ -124,6 +121,11 @@ class Look:
     observed_s: float  # simulated time for which the source has been observed
 
     @property
+    def robots(self) -> Iterator[tuple[RobotShape, RobotState]]:
+        """The robots, each with its state; none while a world gives no answer."""
+        return zip(self.static.robots, self.state.robots, strict=bool(self.state.robots))
+
+    @property
     def forget_after_s(self) -> float:
         """Silence after which robots forget each other, s."""
         return float(self.static.scenario["radio"]["forget_after"])
@@ -136,13 +138,10 @@ class Look:
     @property
     def undecided(self) -> list[str]:
         """Names of the robots that may be silent: their processes are there, and this look was too short to tell."""
-        if self.observed_s > self.forget_after_s or self.state.ended is not None:
+        if self.observed_s > self.forget_after_s or self.state.ended is not None or self.is_alone:
             return []
         maybe = Status.ALIVE if self.static.has_truth else Status.LOST
-        if self.is_alone:
-            return []
-        robots = zip(self.static.robots, self.state.robots, strict=True) if self.state.robots else ()
-        return [shape.name for shape, robot in robots if robot.status is maybe and robot.heard_s is None]
+        return [shape.name for shape, robot in self.robots if robot.status is maybe and robot.heard_s is None]
 
 
 class FleetWatch:
@@ -207,7 +206,6 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
     """Judge a fleet as a source shows it."""
     static, state = look.static, look.state
     simulated = static.has_truth
-    robots = zip(static.robots, state.robots, strict=True) if state.robots else ()
     world = WorldStatus(state.k, static.ticks, state.time_s, state.running, state.ticks_per_s, state.ended)
     silent = look.undecided
     stands = simulated and state.running and state.pace is None and look.observed_s == 0.0
@@ -218,7 +216,7 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
         router=router,
         world=world if simulated else None,
         mfow_s=state.mfow_s,
-        robots=tuple(_robot_status(look, *robot) for robot in robots),
+        robots=tuple(_robot_status(look, *robot) for robot in look.robots),
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
         warnings=(note,) if note else (),
         unknown=(*([notice] if silent else []), *([] if simulated else [_NO_WORLD])),
@@ -227,20 +225,16 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
 
 
 def _robot_status(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
+    # Without a world, a robot that is stopped or silent has a process that lives.
+    words = {} if look.static.has_truth else {Status.LOST: "silent", Status.PAUSED: "alive"}
     return RobotStatus(
         name=shape.name,
-        status=_status_word(robot.status, look.static.has_truth),
+        status=words.get(robot.status, robot.status.name.lower()),
         doing=robot.state,
         heard_s=robot.heard_s,
         place=None if robot.pose is None else (robot.pose.x, robot.pose.y),
         wrong=_robot_problem(look, shape, robot),
     )
-
-
-def _status_word(status: Status, simulated: bool) -> str:
-    """Return the status of a robot's process; without a world, a robot that is stopped or silent has one that lives."""
-    words = {} if simulated else {Status.LOST: "silent", Status.PAUSED: "alive"}
-    return words.get(status, status.name.lower())
 
 
 def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:

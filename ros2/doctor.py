@@ -21,7 +21,6 @@ from ros2.wire.mailbox import Ear, Overheard
 from ros2.wire.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_name
 
 ARROW = " -> "
-TF = ("tf", "tf_static")
 
 _KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.longest}
 
@@ -117,6 +116,10 @@ class Survey:
         """Return the full name of a topic by its usual one."""
         return full_name(self.namespace, self.wanted.topic(usual))
 
+    def shared_names(self, usual: str) -> list[str]:
+        """Return the full names of a topic that may be outside of the robot's namespace too."""
+        return [full_name(space, self.wanted.topic(usual)) for space in (self.namespace, "")]
+
     def odometry(self, form: Format) -> Iterator[Overheard]:
         """Yield the messages heard under the keys of the robot's odometry."""
         where = form.heard(self.name("odom")).removesuffix("/*/*")
@@ -171,11 +174,11 @@ _COMMANDS = [CODINGS[kind].type_name for kind in (ros.TwistStamped, ros.Twist, r
 
 
 class Level(StrEnum):
-    """The severity of a finding. A patrol can start unless something is missing."""
+    """The severity of a finding, the worst first. A patrol can start unless something is missing."""
 
-    OK = "ok"
-    WARNING = "warning"
     MISSING = "missing"
+    WARNING = "warning"
+    OK = "ok"
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,12 +229,11 @@ def examine(seen: Survey) -> Examined:
             *_of_clock(seen, topics, clock_s),
         ]
     findings += _of_router(seen)
-    order = [Level.MISSING, Level.WARNING, Level.OK]
     return Examined(
         "" if not (entities or seen.heard) else form.name,
         clock_s,
         topics,
-        tuple(sorted(findings, key=lambda finding: order.index(finding.level))),
+        tuple(sorted(findings, key=lambda finding: [*Level].index(finding.level))),
     )
 
 
@@ -244,7 +246,9 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
         yield Finding(Level.MISSING, f"nothing of ROS 2 is on this router in domain {seen.domain}", remedy)
         return
     inside = full_name(seen.namespace, "").rstrip("/")
-    spaces = _list_namespaces(here, seen.wanted)
+    driving = (seen.wanted.topic("odom"), seen.wanted.topic("cmd_vel"))
+    there = {entity.topic.rpartition("/")[0].strip("/") for entity in here if entity.topic.endswith(driving)}
+    spaces = sorted(printable(name[:255]) for name in there)
     if spaces and inside.strip("/") not in spaces and not any(seen.odometry(form)):
         shown = ", ".join(name or "''" for name in spaces[:8])
         yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {shown}")
@@ -273,13 +277,6 @@ def _elsewhere_remedy(entities: Iterable[Entity], usual: str) -> str:
     return f"give --topic {usual}={names[0]}{suffix}"
 
 
-def _list_namespaces(entities: Iterable[Entity], wanted: DriveSettings) -> list[str]:
-    """Return the namespaces in which there is odometry, or commands are wanted."""
-    names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
-    namespaces = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
-    return sorted(printable(name[:255]) for name in namespaces)
-
-
 def _of_topics(topics: Iterable[Topic]) -> Iterator[Finding]:
     for topic in topics:
         if topic.wrong:
@@ -303,9 +300,8 @@ def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
             remedy = "only one may publish it; give each robot a namespace of its own"
             yield Finding(Level.MISSING, f"{name}: {topic.publishers} publish it", remedy)
         if topic.rate < SLOW_HZ:
-            problem = (
-                f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
-            )
+            few = f"fewer than {SLOW_HZ:g} are few for a robot that drives"
+            problem = f"{name}: {topic.rate:.1f} messages a second; {few}"
             yield Finding(Level.WARNING, problem, "raise its rate, or drive slowly")
         else:
             yield Finding(Level.OK, f"{name}: {topic.rate:.1f} messages a second, {', '.join(topic.frames)}")
@@ -328,9 +324,9 @@ def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
 
 def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
     """Find whether the robot's place on the map is known, by the source that the agent is to use."""
-    wanted, localisation = seen.wanted, seen.wanted.localisation
+    localisation = seen.wanted.localisation
     on_map = localisation.map_frame.lstrip("/")
-    tf = _usable_topics(topics, [full_name(space, wanted.topic(kind)) for space in (seen.namespace, "") for kind in TF])
+    tf = _usable_topics(topics, seen.shared_names("tf") + seen.shared_names("tf_static"))
     links = [frame.partition(ARROW) for topic in tf for frame in topic.frames]
     corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == on_map}
     odometry = _usable_topics(topics, [seen.name("odom")])
@@ -390,7 +386,7 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
 
 
 def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
-    maps = _usable_topics(topics, [full_name(space, seen.wanted.topic("map")) for space in (seen.namespace, "")])
+    maps = _usable_topics(topics, seen.shared_names("map"))
     if maps:
         yield Finding(Level.OK, f"{maps[0].name}: a latched map of {maps[0].size} bytes")
     else:

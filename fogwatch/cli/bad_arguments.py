@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
@@ -14,34 +12,20 @@ from typer.core import TyperCommand
 from fogwatch.cli.options import FIELDS
 from patrol.errors import BadInput, quoted
 
-
-@dataclass(frozen=True, slots=True)
-class _Quantity:
-    """The values that an option of a certain metavar takes."""
-
-    unit: str  # empty for a whole number
-    example: str
-    factors: dict[str, float]  # by other spellings of a unit, how many of `unit` one of it is
-
-
-_LENGTHS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "km": 1000.0}
-_TIMES = {"ms": 0.001, "s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
-_SPEEDS = {"cm/s": 0.01, "m/s": 1.0, "km/h": 1.0 / 3.6}
+_LENGTH, _COUNT = ("a number in m", "0.3"), ("a whole number", "5")
 _QUANTITIES = {
-    "M": _Quantity("m", "0.3", _LENGTHS),
-    "R": _Quantity("m", "10", _LENGTHS),
-    "S": _Quantity("s", "600", _TIMES),
-    "M/S": _Quantity("m/s", "1", _SPEEDS),
-    "N": _Quantity("", "5", {}),
-    "N...": _Quantity("", "5", {}),
-    "K": _Quantity("", "7", {}),
+    "M": _LENGTH,
+    "R": _LENGTH,
+    "S": ("a number in s", "600"),
+    "M/S": ("a number in m/s", "1"),
+    "N": _COUNT,
+    "N...": _COUNT,
+    "K": ("a whole number", "7"),
 }
-"""The quantities by the metavar that the help shows."""
+"""The values that an option takes, with an example, by the metavar that the help shows."""
 
 _EXTRA = re.compile(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)")
 """The parser's error for arguments that no parameter takes."""
-
-_NUMBER = re.compile(r"\s*([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z/]*)\s*")
 
 _FIELD = re.compile(r"(?:(?P<before>^|.*: )override |^)(?P<field>[a-z_]\w*(?:\.\w+)*)(?P<equals> = )?")
 """A field at the beginning of an error, or one that an override gave."""
@@ -97,16 +81,22 @@ class HelpfulCommand(TyperCommand):
         value = values.get(param.name)
         texts = [value] if isinstance(value, str) else list(value or ())
         name = next((text for text in reversed(param.opts) if text.startswith("--")), param.metavar)
-        quantity = _QUANTITIES.get(param.metavar)
-        if quantity is None:
+        if param.metavar not in _QUANTITIES:
             return None
+        kind, example = _QUANTITIES[param.metavar]
         if isinstance(param.default, float):
-            quantity = replace(quantity, example=f"{param.default:g}")
-        return _not_a_number(name, texts, quantity, error)
+            example = f"{param.default:g}"
+        reader = int if kind == "a whole number" else float
+        wrong = next((text for text in texts if not _is_readable(text, reader)), None)
+        option = f"{name} " if name.startswith("--") else ""
+        return wrong and f"{name} {quoted(wrong)[1:-1]}: expected {kind}, such as {option}{example}"
 
     def _unknown_option(self, option: str) -> str:
         options = [text for param in self.params for text in (*param.opts, *param.secondary_opts) if text[:2] == "--"]
-        return f"{option}: no such option; {_nearest_option(option, [*options, '--help'], self.example)}"
+        words = [text[2:] for text in options]
+        near = [word for word in words if word.startswith(option[2:])] or get_close_matches(option[2:], words, 1)
+        remedy = f"did you mean --{near[0]}?" if near else f"leave it out, or see --help; for example: {self.example}"
+        return f"{option}: no such option; {remedy}"
 
 
 def _as_typed(line: str, typed: dict[str, str]) -> str:
@@ -128,39 +118,9 @@ def _as_typed(line: str, typed: dict[str, str]) -> str:
     return line
 
 
-def _nearest_option(option: str, known: Sequence[str], example: str) -> str:
-    """Suggest the known option that an unknown one begins, or else the one most like it."""
-    completions = sorted((name for name in known if name.startswith(option)), key=len)
-    words = [name[2:] for name in known]
-    near = completions[:1] or [f"--{word}" for word in get_close_matches(option[2:], words, n=1, cutoff=0.6)]
-    return f"did you mean {near[0]}?" if near else f"leave it out, or see --help; for example: {example}"
-
-
-def _not_a_number(name: str, texts: Sequence[str], quantity: _Quantity, error: Any) -> str:
-    is_whole = not quantity.unit
-    wrong = next((text for text in texts if not _is_number(text, is_whole)), None)
-    if wrong is None:  # a number, but out of range
-        reason = str(getattr(error, "message", error)).rstrip(".").lower()
-        bound = re.search(r"(?:greater than or equal to |x>=)(\S+)", reason)
-        return f"{name} {' '.join(texts)}: {f'expected {bound[1]} or more' if bound else reason}"
-    kind = "a whole number" if is_whole else f"a number in {quantity.unit}"
-    option = f"{name} " if name.startswith("--") else ""
-    return f"{name} {quoted(wrong)[1:-1]}: expected {kind}, such as {option}{_meant_number(wrong, quantity)}"
-
-
-def _is_number(text: str, is_whole: bool) -> bool:
+def _is_readable(text: str, reader: Callable[[str], object]) -> bool:
     try:
-        int(text) if is_whole else float(text)
+        reader(text)
     except ValueError:
         return False
     return True
-
-
-def _meant_number(text: str, quantity: _Quantity) -> str:
-    """Return the number that a text such as "30cm" or "0,3" means in the quantity's unit, or else the example."""
-    match = _NUMBER.fullmatch(text)
-    if match is None or not quantity.unit:
-        return quantity.example
-    factor = quantity.factors.get(match[2].lower(), None) if match[2] else 1.0
-    number = math.nan if factor is None else float(match[1].replace(",", ".")) * factor
-    return f"{number:g}" if 0.0 < number < math.inf else quantity.example

@@ -45,6 +45,17 @@ def option(metavar: str, text: str, *names: str, panel: str | None = None, **mor
     return typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel, **more)
 
 
+def bounded(metavar: str, text: str, least: float, most: float, *names: str) -> Any:
+    """Return what makes a parameter an option that takes numbers from `least` to `most`."""
+
+    def check(param: typer.CallbackParam, value: float | None) -> float | None:
+        if value is not None and not least <= value <= most:
+            raise BadInput(f"{param.opts[0]} {value:g}: expected {least:g} to {most:g}")
+        return value
+
+    return option(metavar, text, *names, callback=check)
+
+
 def spread(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that takes the options of its parameters' dataclasses one by one, as typer reads them."""
     hints = get_type_hints(function, include_extras=True)

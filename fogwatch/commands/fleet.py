@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import say
-from fogwatch.cli.options import argument, option
+from fogwatch.cli.options import argument, bounded, option
 from patrol.errors import BadInput
 from patrol.security.private_files import new_key
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 WAIT_S = 60.0
-LONGEST_WAIT_S = 86400.0
+A_DAY_S = 86400.0
 LISTEN_S = 3.0
 
 _CREDENTIALS = "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."
@@ -67,21 +67,9 @@ class FleetOptions:
         return Namespace(replay=None, access=access, wait=wait, key=key, **vars(self))
 
 
-def _checked_wait(wait_s: float) -> float:
-    if not 0.0 <= wait_s <= LONGEST_WAIT_S:
-        raise BadInput(f"--wait {wait_s:g}: expected 0 to {LONGEST_WAIT_S:g} (a day)")
-    return wait_s
-
-
-def _checked_seconds(seconds: float) -> float:
-    if not 0.1 <= seconds <= 600.0:
-        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
-    return seconds
-
-
 RunningFleet = Annotated[Path | None, argument("[RUN]", "Folder of a running fleet, or an operator's credentials.")]
-Seconds = Annotated[float, option("S", "How long to listen, in s.", callback=_checked_seconds)]
-Wait = Annotated[float, option("S", "How long to wait for the fleet, in s.", callback=_checked_wait)]
+Seconds = Annotated[float, bounded("S", "How long to listen, in s.", 0.1, 600.0)]
+Wait = Annotated[float, bounded("S", "How long to wait for the fleet, in s.", 0.0, A_DAY_S)]
 
 
 def control_file(command: str, run: Path) -> Path:
@@ -115,7 +103,7 @@ ROBOT_PORT = 7448
 """Beside the port of the robot's own programs."""
 
 Folder = Annotated[Path, argument("DIR", "Folder of the fleet.")]
-Days = Annotated[int, option("N", "How long certificates are valid, in days.")]
+Days = Annotated[int, bounded("N", "How long certificates are valid, in days.", 1, LONGEST_DAYS)]
 _HOSTS = (
     "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a fleet "
     "without a router `add` takes a robot's."
@@ -156,7 +144,6 @@ def init(
     """
     from fogwatch.fleets.folder import make_fleet
 
-    _check_days(days)
     names, places = _read_robots(robots)
     if places and host:
         why = "is a router's address, and robots with addresses meet without one"
@@ -182,7 +169,6 @@ def add(
     """
     from fogwatch.fleets.folder import THE_ROUTER, fleet_to_change, member_role
 
-    _check_days(days)
     with fleet_to_change(folder) as fleet:
         if member != THE_ROUTER and host and not fleet.is_mesh:
             raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
@@ -261,7 +247,6 @@ def robot_router(
     from ros2.wire.formats import format_named
     from ros2.wire.names import check_domain, check_name
 
-    _check_days(days)
     check_name(namespace, "--namespace")
     spoken = format_named(form, check_domain(domain, "--domain"), "--format")
     topics = [check_name(topic, "--command") for topic in command_topic or COMMANDS]
@@ -317,8 +302,3 @@ def _read_robots(text: str) -> tuple[list[str], dict[str, str]]:
     """Return the robots' names, and the hosts of those that have one."""
     pairs = [entry.strip().partition("=") for entry in text.split(",")]
     return [name for name, _, _ in pairs], {name: host for name, equals, host in pairs if equals}
-
-
-def _check_days(days: int) -> None:
-    if not 1 <= days <= LONGEST_DAYS:
-        raise BadInput(f"--days {days}: expected 1 to {LONGEST_DAYS}")

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import note, say
-from fogwatch.cli.options import argument, option
+from fogwatch.cli.options import argument, bounded, option
+from fogwatch.run_options import read_start
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.whole_file import writing
 from patrol.files.yaml_text import parse_yaml, read_text
@@ -39,8 +38,12 @@ app = group(
 MOST_LINES = 20
 """Sealed parts listed at most, and doors, and regions."""
 
+LEAST_M, MOST_M = 0.001, 100_000.0
+"""Lengths that options take, m."""
 MOST_OFF_M = 10.0
 """The largest tolerance of landmarks, m."""
+
+Point = Annotated[float, bounded("M", "Side of one grid point in m.", LEAST_M, MOST_M)]
 
 APART_TOLERANCES = 10.0
 """Distance of the farthest two landmarks at least, in tolerances."""
@@ -64,9 +67,9 @@ def named_terrain(what: str, point: float) -> Terrain:
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
 def check(
     what: Annotated[str, argument("MAP.yaml|BUILTIN", f"Map file, or one of {', '.join(LAYOUTS)}.")],
-    radius: Annotated[float, option("M", "Body radius in m.")] = 1.0,
-    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
-    sensor_range: Annotated[float, option("M", "Sensor range in m.", "--range")] = 10.0,
+    radius: Annotated[float, bounded("M", "Body radius in m.", LEAST_M, MOST_M)] = 1.0,
+    point: Point = 0.1,
+    sensor_range: Annotated[float, bounded("M", "Sensor range in m.", LEAST_M, MOST_M, "--range")] = 10.0,
     line_of_sight: Annotated[
         bool, option("", "Whether obstacles block the sensor.", "--line-of-sight/--through-walls")
     ] = True,
@@ -83,9 +86,8 @@ def check(
     speed: Annotated[float, option("M", "Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
-    _check_lengths(radius=radius, point=point, range=sensor_range)
     _check_picture(picture)
-    starts = [_read_start(text) for text in start or []]
+    starts = [Pose(x, y, 0.0) for x, y, *_ in map(read_start, start or ())]
     warm(("patrol",), note, SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
@@ -118,13 +120,7 @@ def check(
         site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
         note(f"warning: {line}")
-    console = Console()
-    if console.is_terminal:
-        _print_tables(console, report)
-    else:
-        for line in plain_lines(report):
-            say(line)
-    for line in about:
+    for line in (*_report_lines(report), *about):
         say(line)
     if picture is not None:
         from fogwatch.pictures.maps import map_picture  # here: its library is an extra
@@ -134,45 +130,34 @@ def check(
         say(f"picture: {picture}")
 
 
-def plain_lines(report: MapReport) -> Iterator[str]:
+def _report_lines(report: MapReport) -> Iterator[str]:
     """Yield the result of a map check as lines of text."""
-    yield f"{_terrain_headline(report.terrain)}; {_body_text(report)}"
-    for label, value, remark in _area_rows(report):
+    terrain = report.terrain
+    xmin, ymin, xmax, ymax = terrain.bounds
+    layout = LAYOUTS.get(terrain.name) if terrain.source is None else None
+    about = f" ({layout.about}; a reconstruction of the paper's terrain)" if layout is not None else ""
+    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
+    sight = "line of sight" if report.line_of_sight else "through walls"
+    body = f"body radius {report.radius:g} m, sensor range {report.sensor_range:g} m, {sight}"
+    yield f"{terrain.name}{about}: {size}; {body}"
+    blind = max(report.unseen - report.unseen_sealed, 0.0)
+    unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
+    areas = (
+        ("free", report.free, ""),
+        ("fits", report.fits, "where the body's centre may be"),
+        ("reachable", report.reachable, "the part of it that can be reached from the starts"),
+        ("patrolled", report.patrolled, "what can be seen from there; MFoW counts this"),
+        ("never seen", report.unseen, unseen if report.unseen > 0.0 else ""),
+    )
+    for label, value, remark in areas:
         yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()
     yield _sealed_headline(report)
     for number, part in enumerate(report.parts[:MOST_LINES], start=1):
         yield f"  {number}: {part.area:.1f} m² around {_place(part)}: {_why_sealed(part)}"
     yield _doors_headline(report)
     for door in report.doors[:MOST_LINES]:
-        yield f"  {door.width:.2f} m at {_place(door)}: {_max_radius(door)}, {_door_consequence(door)}"
-
-
-def _terrain_headline(terrain: Terrain) -> str:
-    """The terrain's name and size."""
-    xmin, ymin, xmax, ymax = terrain.bounds
-    layout = LAYOUTS.get(terrain.name) if terrain.source is None else None
-    about = f" ({layout.about}; a reconstruction of the paper's terrain)" if layout is not None else ""
-    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
-    return f"{terrain.name}{about}: {size}"
-
-
-def _body_text(report: MapReport) -> str:
-    """The body and the sensor that the report holds for."""
-    sight = "line of sight" if report.line_of_sight else "through walls"
-    return f"body radius {report.radius:g} m, sensor range {report.sensor_range:g} m, {sight}"
-
-
-def _area_rows(report: MapReport) -> list[tuple[str, float, str]]:
-    """The report's areas: label, area in m² and remark of each."""
-    blind = max(report.unseen - report.unseen_sealed, 0.0)
-    unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
-    return [
-        ("free", report.free, ""),
-        ("fits", report.fits, "where the body's centre may be"),
-        ("reachable", report.reachable, "the part of it that can be reached from the starts"),
-        ("patrolled", report.patrolled, "what can be seen from there; MFoW counts this"),
-        ("never seen", report.unseen, unseen if report.unseen > 0.0 else ""),
-    ]
+        loses = "a wider body loses" if door.passes else "this body loses"
+        yield f"  {door.width:.2f} m at {_place(door)}: {_max_radius(door)}, {loses} {door.behind:.1f} m²"
 
 
 def _sealed_headline(report: MapReport) -> str:
@@ -211,11 +196,6 @@ def _max_radius(door: Door) -> str:
     return f"lets a radius of {math.floor(100.0 * door.radius + 1e-6) / 100.0:.2f} m pass"
 
 
-def _door_consequence(door: Door) -> str:
-    """Tell the area that depends on a door."""
-    return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
-
-
 def _place(at: SealedPart | Door) -> str:
     """Coordinates in m."""
     return f"({at.x:.2f}, {at.y:.2f})"
@@ -226,40 +206,6 @@ def _seen_share(part: SealedPart) -> str:
         return "nothing"
     percent = min(math.floor(100.0 * part.seen / part.area), 99)
     return "all" if part.seen == part.area else f"{percent} %" if percent else "less than 1 %"
-
-
-def _print_tables(console: Console, report: MapReport) -> None:
-    console.print(_terrain_headline(report.terrain), style="bold", highlight=False, markup=False)
-    console.print(_body_text(report), highlight=False)
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(style="cyan")
-    table.add_column(justify="right")
-    table.add_column(style="dim")
-    for label, value, remark in _area_rows(report):
-        table.add_row(label, f"{value:.1f} m²", remark)
-    console.print(table)
-    console.print(f"\n[bold]{_sealed_headline(report)}[/bold]", highlight=False)
-    if report.parts:
-        rows = [
-            (str(number), f"{part.area:.1f}", _place(part), _why_sealed(part))
-            for number, part in enumerate(report.parts[:MOST_LINES], start=1)
-        ]
-        console.print(_make_table(("#", "m²", "around (m)", "why"), rows))
-    console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
-    if report.doors:
-        passes = {True: "yes", False: "[red]no[/red]"}
-        lines = [
-            (f"{door.width:.2f}", _place(door), passes[door.passes], _max_radius(door), f"{door.behind:.1f}")
-            for door in report.doors[:MOST_LINES]
-        ]
-        console.print(_make_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
-
-
-def _make_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    table = Table(*header, box=None, pad_edge=False, header_style="cyan")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def _terrain_settings(what: str) -> dict[str, str]:
@@ -288,24 +234,6 @@ def _read_docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     return load_scenario(mapping, called=f"--docks {file}").docks
 
 
-def _read_start(text: str) -> Pose:
-    parts = text.split(",")
-    try:
-        x, y = (float(part) for part in parts[:2])
-    except ValueError:
-        x = y = math.nan
-    if len(parts) not in (2, 3) or not (math.isfinite(x) and math.isfinite(y)):
-        raise BadInput(f"--start = {text}: expected X,Y in m, for example 12.5,3")
-    return Pose(x, y, 0.0)
-
-
-def _check_lengths(**lengths_m: float | None) -> None:
-    """Refuse an option, by its name, that is no length; None is an option that was not given."""
-    for name, value in lengths_m.items():
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
-
-
 @command(
     app, examples=["fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5"]
 )
@@ -315,8 +243,8 @@ def align(
     landmark: Annotated[
         list[str], option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
     ],
-    tolerance: Annotated[float, option("M", "How far landmarks may be off each other in m.")] = 0.3,
-    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
+    tolerance: Annotated[float, bounded("M", "How far landmarks may be off in m.", LEAST_M, MOST_OFF_M)] = 0.3,
+    point: Point = 0.1,
     picture: Annotated[Path | None, option("OUT.png", "Draw the maps over each other into this PNG file.")] = None,
 ) -> None:
     """Find where a robot's own map A lies on our map B: how far it is shifted and turned.
@@ -324,9 +252,6 @@ def align(
     By landmarks that both maps show, such as corners of rooms, far from each other. The last line is the option that an
     agent of a robot with map A needs on map B (fogwatch agent --robot ros2). Look at the picture before you drive.
     """
-    _check_lengths(point=point, tolerance=tolerance)
-    if tolerance > MOST_OFF_M:
-        raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
     pairs = [_read_pair(text) for text in landmark]
     _check_picture(picture)
     warm(("patrol",), note, SELDOM)
@@ -407,10 +332,10 @@ def _read_pair(text: str) -> tuple[Place, Place]:
 def regions(
     what: Annotated[str, argument("SCENARIO", f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")],
     point: Annotated[
-        float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
+        float | None, bounded("M", "Side of one grid point in m (default: the scenario's, or 0.1).", LEAST_M, MOST_M)
     ] = None,
     radius: Annotated[
-        float | None, option("M", "Body radius in m (default: the largest of the scenario's robots, or 1).")
+        float | None, bounded("M", "Body radius in m (default: the largest of the robots, or 1).", LEAST_M, MOST_M)
     ] = None,
     picture: Annotated[Path | None, option("OUT.png", "Draw the regions into this PNG file.")] = None,
     polygons: Annotated[
@@ -421,7 +346,6 @@ def regions(
 
     Robots use them with the policy potential-field and patrol.options.paths: regions.
     """
-    _check_lengths(point=point, radius=radius)
     _check_picture(picture)
     field_lengths_m = {"point": point, "robots.radius": radius}
     overrides = {field: value for field, value in field_lengths_m.items() if value is not None}

@@ -71,23 +71,13 @@ def status(
 
     fleet_watch = FleetWatch(open_source, met.keys.fleet, met.meets_at, ending, 0.0 if watch else PATIENCE_S)
     try:
-        look = follow if watch else once
-        return look(fleet_watch, seconds, ending, as_json=as_json)
+        return look_at(fleet_watch, seconds, ending, watch=watch, as_json=as_json)
     finally:
         fleet_watch.close()
 
 
-def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
-    """Listen for some seconds, print the state of a fleet, and return the exit code."""
-    fleet_status = fleet_watch.look(seconds)
-    if ending or fleet_status is None:
-        return INTERRUPTED
-    typer.echo(json.dumps(fleet_status.as_json()) if as_json else fleet_status.as_text())
-    return 0 if fleet_status.well else WRONG
-
-
-def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
-    """Print the state of a fleet again and again, until its run is over, and return the exit code.
+def look_at(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, watch: bool, as_json: bool) -> int:
+    """Print the state of a fleet, with `watch` again and again until its run is over, and return the exit code.
 
     `seconds` is how long the first look listens; later ones take `EVERY_S`. JSON has a line for each look.
     """
@@ -96,7 +86,8 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
     from rich.text import Text
 
     console = Console()
-    with Live(console=console, auto_refresh=False) if console.is_terminal and not as_json else nullcontext() as live:
+    in_place = watch and console.is_terminal and not as_json
+    with Live(console=console, auto_refresh=False) if in_place else nullcontext() as live:
         while True:
             seen = fleet_watch.look(seconds)
             if ending or seen is None:
@@ -104,7 +95,7 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
             if live is not None:
                 live.update(Text(seen.as_text()), refresh=True)
             else:
-                typer.echo(json.dumps(seen.as_json()) if as_json else f"{seen.as_text()}\n")
-            if seen.is_over:
+                typer.echo(json.dumps(seen.as_json()) if as_json else seen.as_text() + "\n" * watch)
+            if seen.is_over or not watch:
                 return 0 if seen.well else WRONG
             seconds = EVERY_S

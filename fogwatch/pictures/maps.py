@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fogwatch.grounds.map_align import Place, WallMap, moved
 from fogwatch.grounds.map_check import MapReport
@@ -191,8 +190,7 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
     figure, axes = figures.canvas(terrain, title)
     image = np.empty((*terrain.shape, 3), dtype=np.uint8)
     image[:] = rgb(WALL)
-    colours = [rgb(COLOURS[shade]) for shade in _region_shades(split.labels, count)]
-    shades = np.array(colours, dtype=np.float64).reshape(-1, 3)
+    shades = np.array([rgb(COLOURS[number % len(COLOURS)]) for number in range(max(count, 1))], dtype=np.float64)
     inside, fits = split.labels >= 0, split.parts >= 0
     image[inside] = (255.0 - PALER * (255.0 - shades[split.labels[inside]])).astype(np.uint8)
     image[fits] = shades[split.labels[fits]].astype(np.uint8)
@@ -217,22 +215,3 @@ def _draw_region(axes: Axes, number: int, polygon: tuple[tuple[float, float], ..
     left, right = axes.get_xlim()
     if min(np.ptp(xs), np.ptp(ys)) > NAMED * (right - left):
         figures.label(axes, float(xs.mean()), float(ys.mean()), str(number), size=7.0)
-
-
-def _region_shades(labels: NDArray[np.int32], count: int) -> list[int]:
-    """Return a colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
-    beside: list[set[int]] = [set() for _ in range(count)]
-    for here, shifted in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
-        apart = (here != shifted) & (here >= 0) & (shifted >= 0)
-        for a, b in np.unique(np.stack([here[apart], shifted[apart]], axis=1), axis=0):
-            beside[a].add(int(b))
-            beside[b].add(int(a))
-    shades: list[int] = []
-    used = [0] * len(COLOURS)
-    for number in range(count):
-        used_shades = {shades[neighbour] for neighbour in beside[number] if neighbour < number}
-        free = [shade for shade in range(len(COLOURS)) if shade not in used_shades] or list(range(len(COLOURS)))
-        shade = min(free, key=lambda shade: (used[shade], shade))
-        used[shade] += 1
-        shades.append(shade)
-    return shades

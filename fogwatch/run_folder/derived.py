@@ -48,8 +48,9 @@ def write_files(
 
     def draw() -> None:
         from fogwatch.pictures.run_end import run_picture
+        from monitor.replay.run import read_run
 
-        run_picture(folder.path, folder.picture, prepared)
+        run_picture(read_run(folder.path, journal, prepared, summary, None), folder.picture)
 
     try:
         recording = folder.recording if files.recording else None

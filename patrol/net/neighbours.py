@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Collection
 
@@ -35,20 +34,13 @@ class Neighbours:
 
     def await_all(self, names: Collection[str], wait_s: float) -> bool:
         """Wait until all of some are connected; return whether they are."""
-        return self._await_change(lambda: set(names) <= set(self._links), wait_s)
+        with self._changed:
+            return self._changed.wait_for(lambda: set(names) <= set(self._links), wait_s)
 
     def await_any(self, wait_s: float) -> bool:
         """Wait until any other process is connected; return whether one is."""
-        return self._await_change(lambda: bool(self._links), wait_s)
-
-    def _await_change(self, is_so: Callable[[], bool], wait_s: float) -> bool:
-        until = time.monotonic() + wait_s
         with self._changed:
-            while not is_so():
-                if (left_s := until - time.monotonic()) <= 0.0:
-                    return False
-                self._changed.wait(left_s)
-            return True
+            return self._changed.wait_for(lambda: bool(self._links), wait_s)
 
     def _take_event(self, event: zenoh.LinkEvent) -> None:
         """Count a link that has come or gone; called on Zenoh's thread."""

@@ -33,7 +33,6 @@ from patrol.process.lifeline import Ending, InterruptedBySignal, heed
 from patrol.process.options import Meeting, meeting
 from patrol.reporting.health import HealthLines
 from patrol.reporting.logs import Log, begin_log
-from patrol.reporting.metrics import MetricsServer, listen_at
 from patrol.reporting.supervision import Notifier, Supervision, take_supervision
 from patrol.reporting.vitals import CONNECTIONS, Vitals
 from patrol.starting.readiness import StartFailure, StartReport, report_start
@@ -90,6 +89,8 @@ class ProcessContext:
             self.log = begin_log(name, self.supervision.log_format, self.supervision.log_level)
         metrics, health_s = self.supervision.metrics, self.supervision.health
         if metrics is not None:
+            from patrol.reporting.metrics import MetricsServer, listen_at  # here: asyncio takes 20 ms to load
+
             listening = listen_at(metrics, is_open=self.supervision.metrics_open)
             server = MetricsServer(listening, self.vitals, {"process": self.log.owner, **labels})
             self.closing.callback(server.close)

@@ -11,30 +11,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from patrol.reporting import vitals
 from patrol.reporting.logs import Log
-from patrol.reporting.vitals import (
-    COMMANDS,
-    CONNECTIONS,
-    DECISION,
-    DROPPED,
-    MEMORY,
-    MFOW,
-    ODOMETRY_AGE,
-    PAGES,
-    PEERS,
-    QUEUE,
-    REFUSED,
-    ROBOTS,
-    ROUTER_SILENT,
-    SINCE_TICK,
-    STOPPED,
-    TICK,
-    UNUSABLE,
-    Figure,
-    Value,
-    Vitals,
-)
+from patrol.reporting.vitals import QUEUE, TICK, Figure, Value, Vitals
 
 Figures = Mapping[Figure, Value]
 
@@ -60,39 +41,34 @@ def _tick_texts(now: HealthReading, before: HealthReading | None) -> list[str]:
     """Write the newest tick and the ticks per second; before the first tick, that there is none."""
     if TICK not in now.figures:
         return ["no tick yet"] if QUEUE in now.figures else []
-    tick = _sum_value(now.figures[TICK])
+    tick: Any = now.figures[TICK]
     parts = [f"tick {tick:.0f}"]
     if before is not None and TICK in before.figures and now.at > before.at:
-        parts.append(f"{(tick - _sum_value(before.figures[TICK])) / (now.at - before.at):.1f} ticks/s")
+        parts.append(f"{(tick - before.figures[TICK]) / (now.at - before.at):.1f} ticks/s")
     return parts
 
 
-def _sum_value(value: Value) -> float:
-    return sum(value.values()) if isinstance(value, Mapping) else value
+def _list_counts(counts: Mapping[str, float]) -> str:
+    return " and ".join(f"{number:.0f} {label}" for label, number in counts.items() if number) or "none"
 
 
-def _list_counts(value: Value) -> str:
-    counts = {label: number for label, number in value.items() if number} if isinstance(value, Mapping) else {}
-    return " and ".join(f"{number:.0f} {label}" for label, number in counts.items()) or "none"
-
-
-_TOLD: Mapping[Figure, Callable[[Value], str]] = {
-    SINCE_TICK: lambda value: f"last one {_sum_value(value):.1f} s ago",
-    MFOW: lambda value: f"MFoW {_sum_value(value):.0f} s",
-    ROBOTS: lambda value: f"robots: {_list_counts(value)}",
-    PEERS: lambda value: f"peers heard: {_sum_value(value):.0f}",
-    REFUSED: lambda value: f"frames refused: {_list_counts(value)}",
-    DROPPED: lambda value: f"messages dropped: {_list_counts(value)}",
-    QUEUE: lambda value: f"messages waiting: {_sum_value(value):.0f}",
-    DECISION: lambda value: f"decision {1000.0 * _sum_value(value):.1f} ms",
-    ROUTER_SILENT: lambda value: f"router silent for {_sum_value(value):.0f} s in all",
-    STOPPED: lambda value: "stopped" if _sum_value(value) else "may drive",
-    ODOMETRY_AGE: lambda value: f"odometry {_sum_value(value):.1f} s ago",
-    UNUSABLE: lambda value: f"robot's messages refused: {_list_counts(value)}",
-    COMMANDS: lambda value: f"commands received: {_list_counts(value)}",
-    CONNECTIONS: lambda value: f"connections: {_sum_value(value):.0f}",
-    PAGES: lambda value: f"pages open: {_sum_value(value):.0f}",
-    MEMORY: lambda value: f"{_sum_value(value) / 1e6:.0f} MB",
+_TOLD: Mapping[Figure, Callable[[Any], str]] = {
+    vitals.SINCE_TICK: "last one {:.1f} s ago".format,
+    vitals.MFOW: "MFoW {:.0f} s".format,
+    vitals.ROBOTS: lambda counts: f"robots: {_list_counts(counts)}",
+    vitals.PEERS: "peers heard: {:.0f}".format,
+    vitals.REFUSED: lambda counts: f"frames refused: {_list_counts(counts)}",
+    vitals.DROPPED: lambda counts: f"messages dropped: {_list_counts(counts)}",
+    QUEUE: "messages waiting: {:.0f}".format,
+    vitals.DECISION: lambda seconds: f"decision {1000.0 * seconds:.1f} ms",
+    vitals.ROUTER_SILENT: "router silent for {:.0f} s in all".format,
+    vitals.STOPPED: lambda is_stopped: "stopped" if is_stopped else "may drive",
+    vitals.ODOMETRY_AGE: "odometry {:.1f} s ago".format,
+    vitals.UNUSABLE: lambda counts: f"robot's messages refused: {_list_counts(counts)}",
+    vitals.COMMANDS: lambda counts: f"commands received: {_list_counts(counts)}",
+    vitals.CONNECTIONS: "connections: {:.0f}".format,
+    vitals.PAGES: "pages open: {:.0f}".format,
+    vitals.MEMORY: lambda size: f"{size / 1e6:.0f} MB",
 }
 """Text of each figure in a health line, in the line's order."""
 

@@ -19,7 +19,6 @@ from collections.abc import Callable, MutableMapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from enum import StrEnum
-from types import TracebackType
 from typing import Any
 
 LEVELS = ("debug", "info", "warning", "error")
@@ -126,15 +125,11 @@ def begin_log(process: str, form: Format, level: str) -> Log:
     root.handlers[:] = [_Handler(shape)]  # libraries, from the root's own level on: warnings and errors
     logging.captureWarnings(True)
 
-    def in_main(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        del kind, trace
-        crashed(error)
-
     def in_thread(hook: threading.ExceptHookArgs) -> None:
         if hook.exc_value is not None and not isinstance(hook.exc_value, SystemExit):
             crashed(hook.exc_value)
 
-    sys.excepthook = in_main
+    sys.excepthook = lambda _kind, error, _trace: crashed(error)
     threading.excepthook = in_thread
     return Log(process)
 
@@ -151,10 +146,8 @@ def crashed(error: BaseException) -> None:
 
 
 def _level_of(number: int) -> str:
-    for level in reversed(LEVELS):
-        if number >= logging.getLevelNamesMapping()[level.upper()]:
-            return level
-    return LEVELS[0]
+    """Return the name of the highest of `LEVELS` that a level reaches, or else of the lowest."""
+    return logging.getLevelName(min(max(number // 10 * 10, logging.DEBUG), logging.ERROR)).lower()
 
 
 def _shorten_text(text: str) -> str:

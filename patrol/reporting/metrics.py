@@ -1,27 +1,24 @@
 """Metrics for Prometheus: the figures of a process as text, over HTTP, at ``/metrics``.
 
-One thread serves a few connections at a time, each for a limited time and with a limited request, and rests between two
-rounds: whatever connects, the process's own loop hardly notices. The figures name no places and no secrets, and nothing
+One thread serves a few connections at a time, each for a limited time and with a limited request, and rests again and
+again: whatever connects, the process's own loop hardly notices. The figures name no places and no secrets, and nothing
 can be changed through this address.
 """
 
 from __future__ import annotations
 
+import asyncio
 import math
-import selectors
 import socket
 import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from patrol.errors import BadInput
+from patrol.reporting.supervision import OPEN_OPTION, OPTION
 from patrol.reporting.vitals import Figure, Value, Vitals
 from patrol.security.keys import is_loopback
-
-OPTION = "--metrics"
-OPEN_OPTION = "--metrics-open"
 
 MOST_CONNECTIONS = 8
 """Connections at a time; with one more, the oldest is closed."""
@@ -33,12 +30,11 @@ LIMIT_S = 2.0
 """Longest time of a connection, s."""
 
 REST_S = 0.02
-"""Time between two rounds over the connections, s; in a round each is read from or written to once."""
+"""Rest after a connection was taken in, and before each piece of a request is read, s."""
 
 KEEP_S = 0.25
 """Time for which the same text is the answer, s."""
 
-_POLL_S = 0.5
 _READ_BYTES = 1024
 
 
@@ -99,16 +95,6 @@ def listen_at(where: str, *, is_open: bool) -> socket.socket:
     return listening
 
 
-@dataclass(eq=False)
-class _Connection:
-    """A connection, and the parts of its request and answer."""
-
-    end: socket.socket
-    until: float
-    request: bytes = b""
-    answer: memoryview = field(default_factory=lambda: memoryview(b""))
-
-
 class MetricsServer:
     """Answers requests for metrics, from now until `close`."""
 
@@ -118,11 +104,9 @@ class MetricsServer:
         self._vitals = vitals
         self._labels = labels
         self._text = (-math.inf, b"")
-        self._connections: list[_Connection] = []
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(listening, selectors.EVENT_READ)
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._serve_forever, name="metrics", daemon=True)
+        self._loop = asyncio.new_event_loop()
+        self._ending = asyncio.Event()
+        self._thread = threading.Thread(target=self._run_loop, name="metrics", daemon=True)
         self._thread.start()
 
     @property
@@ -133,66 +117,42 @@ class MetricsServer:
 
     def close(self) -> None:
         """Stop answering."""
-        self._ending.set()
+        self._loop.call_soon_threadsafe(self._ending.set)
         self._thread.join()
 
-    def _serve_forever(self) -> None:
-        try:
-            while not self._ending.wait(REST_S):
-                self._serve_round()
-        finally:
-            for connection in list(self._connections):
-                self._drop_connection(connection)
-            self._selector.close()
-            self._listening.close()
+    def _run_loop(self) -> None:
+        with self._listening, asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())  # which then cancels what is still under way
 
-    def _serve_round(self) -> None:
-        """Take in at most one connection, and read from or write to each of those that are ready, once."""
-        for key, _ in self._selector.select(_POLL_S):
-            if key.data is None:
-                self._take_in()
-                continue
-            try:
-                finished = self._serve_connection(key.data)
-            except OSError:  # it has gone
-                finished = True
-            if finished:
-                self._drop_connection(key.data)
-        now = time.monotonic()
-        for late in [connection for connection in self._connections if now > connection.until]:
-            self._drop_connection(late)
+    async def _serve(self) -> None:
+        accepting = self._loop.create_task(self._accept_connections())
+        await self._ending.wait()
+        accepting.cancel()
 
-    def _take_in(self) -> None:
-        with suppress(OSError):  # it has gone already, or this process has no descriptor left
-            end, _ = self._listening.accept()
-            end.setblocking(False)
-            connection = _Connection(end, time.monotonic() + LIMIT_S)
-            self._connections.append(connection)
-            self._selector.register(end, selectors.EVENT_READ, connection)
-        if len(self._connections) > MOST_CONNECTIONS:
-            self._drop_connection(self._connections[0])
+    async def _accept_connections(self) -> None:
+        """Take in a connection at a time, with a rest after each; for one too many, the oldest is closed."""
+        connections: list[asyncio.Task[None]] = []
+        while True:
+            with suppress(OSError):  # it has gone already, or this process has no descriptor left
+                end, _ = await self._loop.sock_accept(self._listening)
+                connections = [task for task in connections if not task.done()]
+                connections.append(self._loop.create_task(self._serve_connection(end)))
+                if len(connections) > MOST_CONNECTIONS:
+                    connections[0].cancel()
+            await asyncio.sleep(REST_S)
 
-    def _drop_connection(self, connection: _Connection) -> None:
-        if connection in self._connections:  # it may have been dropped for a newer one in the same round
-            self._connections.remove(connection)
-            self._selector.unregister(connection.end)
-            connection.end.close()
-
-    def _serve_connection(self, connection: _Connection) -> bool:
-        """Read some of a request or write some of the answer; whether the connection is done with."""
-        if connection not in self._connections:
-            return True
-        if not connection.answer:
-            some = connection.end.recv(_READ_BYTES)
-            connection.request += some
-            if not some:
-                return True
-            if b"\r\n\r\n" not in connection.request and len(connection.request) <= LONGEST_REQUEST:
-                return False
-            connection.answer = memoryview(self._answer_request(connection.request))
-            self._selector.modify(connection.end, selectors.EVENT_WRITE, connection)
-        connection.answer = connection.answer[connection.end.send(connection.answer) :]
-        return not connection.answer
+    async def _serve_connection(self, end: socket.socket) -> None:
+        """Answer one request, if it comes in time."""
+        with end, suppress(OSError):  # it has gone, or is late
+            async with asyncio.timeout(LIMIT_S):
+                request = b""
+                while b"\r\n\r\n" not in request and len(request) <= LONGEST_REQUEST:
+                    await asyncio.sleep(REST_S)
+                    some = await self._loop.sock_recv(end, _READ_BYTES)
+                    if not some:
+                        return
+                    request += some
+                await self._loop.sock_sendall(end, self._answer_request(request))
 
     def _answer_request(self, request: bytes) -> bytes:
         words = request.partition(b"\r\n")[0].split(b" ")

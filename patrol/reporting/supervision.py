@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 from patrol.errors import BadInput
 from patrol.reporting.logs import LEVELS, Format
-from patrol.reporting.metrics import OPEN_OPTION, OPTION
+
+OPTION, OPEN_OPTION = "--metrics", "--metrics-open"
 
 SOCKET, WATCHDOG_US, WATCHDOG_PID = "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"
 """Variables of the environment that the service manager sets."""

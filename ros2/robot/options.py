@@ -115,27 +115,8 @@ Several robots patrol together when each agent is given all their names and its 
   fogwatch fleet init yards-1 --robots robot1=192.168.1.21,robot2=192.168.1.22     # then copy each folder to its robot
   ... --namespace robot1 --robots robot1,robot2 --credentials yards-1/robot1
 
-Without credentials they meet, by --router tcp/HOST:7447, at a router on HOST that everybody may use:
-
-  fogwatch router --listen tcp/0.0.0.0:7447 --open
-
-A localisation that waits to be told where the robot is, as AMCL does, is told by --start, on the topic initialpose;
-where it agrees, the robot drives. A place on --map, or a file with a pose on the robot's own map:
-
-  --start 1.5,2,0                  x and y in m, heading in rad; with a minus, --start=-1.5,2,0
-  --start pose.yaml                of: ros2 topic echo --once /amcl_pose > pose.yaml; or Nav2's parameters, initial_pose
-  --start scenario                 where --scenario has it
-
-On the robot itself, or wherever ROS 2 is installed, the agent can be a node of it, without a Zenoh router of the robot:
-
-  source /opt/ros/kilted/setup.bash
-  fogwatch agent --robot rclpy --namespace robot1 --map map.yaml --router tcp/192.168.1.10:7447
-
---router is then the fleet's router, started as above on 192.168.1.10, over which operators stop the robot; members of a
-mesh give --credentials instead. With --scenario, --namespace has to be given, if only as ''. Goals for Nav2 (--drive
-nav2) go over Zenoh alone.
-
-A robot whose own map is not --map has --transform, which fogwatch map align finds.
+--start tells where it stands at first (docs/ros2/nav2.md). With --robot rclpy the agent is a node of the ROS that is
+installed here (docs/ros2.md).
 
 Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is told:
 
@@ -169,12 +150,7 @@ def ros2_parser() -> ProcessParser:
     add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
     add("--format", choices=FORMATS, help=f"what is spoken there (default: {FORMATS[0]})")
     add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
-    add(
-        "--ros-credentials",
-        type=Path,
-        metavar="FOLDER",
-        help="for the robot's router (default: --credentials, over TLS)",
-    )
+    add("--ros-credentials", type=Path, metavar="FOLDER", help="for its router (default: --credentials, over TLS)")
     add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
     add("--shared-commands", action="store_true", help="drive although others send it commands too, such as a joystick")
     add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
@@ -212,18 +188,11 @@ def ros2_parser() -> ProcessParser:
     add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
     add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")
     add("--write-scenario", type=Path, metavar="FILE", help="write the scenario that the options make, for a monitor")
-    add(
-        "--router",
-        metavar="LOCATOR",
-        help="the router that the fleet meets at (default: the credentials', or --connect)",
-    )
+    add("--router", metavar="LOCATOR", help="where the fleet meets (default: the credentials', or --connect)")
     add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
     add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
-    add(
-        "--radio",
-        metavar="LOCATOR|FOLDER",
-        help="group, line, router, or its folder in a mesh, for positions (default: the fleet's)",
-    )
+    radio = "for positions: group, line, router, or its folder in a mesh (default: the fleet's)"
+    add("--radio", metavar="LOCATOR|FOLDER", help=radio)
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
     add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")

@@ -63,9 +63,7 @@ def parser() -> ProcessParser:
     add("--drift", type=float, default=0.01, metavar="SHARE", help="of the way, in odometry (default: %(default)s)")
     add("--drift-heading", type=float, default=0.002, metavar="RAD/M", help="of its heading (default: %(default)s)")
     add("--pose-noise", type=float, default=0.0, metavar="M", help="of x and y that localisation finds (%(default)s m)")
-    add(
-        "--pose-noise-heading", type=float, default=0.0, metavar="RAD", help="of its heading (default: %(default)s rad)"
-    )
+    add("--pose-noise-heading", type=float, default=0.0, metavar="RAD", help="of its heading (%(default)s rad)")
     add("--show-map", action="store_true", help="publish the map, latched")
     add("--lost", action="store_true", help="their localisation waits to be told on initialpose where they are")
     add("--transform", default="0,0,0", metavar="X,Y,HEADING", help="where their map lies on ours (%(default)s)")

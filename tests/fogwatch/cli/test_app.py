@@ -204,7 +204,7 @@ def test_a_scenario_that_does_not_fit_its_ground_is_named(command: list[str], sh
         (["repot"], "repot: no such command; did you mean report?"),
         (["map", "check", "yards", "--range", "far"], "--range far: expected a number in m, such as --range 10"),
         (["control", "RUN", "go", "--wait", "1m"], "--wait 1m: expected a number in s, such as --wait 15"),
-        (["run", "open", "--workers", "0"], "--workers 0: expected 1 or more"),
+        (["run", "open", "--workers", "0"], "--workers 0: expected 1 to 64"),
         (["run", "open", "--workers", "2"], "--workers 2: each robot is a process of its own; leave it out, or give"),
         (["reproduce", "table", "two"], "N... two: expected a whole number, such as 5"),
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),

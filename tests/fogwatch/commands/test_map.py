@@ -1,13 +1,11 @@
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from PIL import Image
-from rich.console import Console
 from typer.testing import CliRunner
 
 from fogwatch.commands import map as map_commands
@@ -85,14 +83,6 @@ def test_unknown_ground_that_is_read_as_free_is_named_and_drawn(flat: Path, shel
     assert rgb(PERHAPS_UNKNOWN) in colours
 
 
-def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(map_commands, "Console", lambda: Console(force_terminal=True, width=160, file=sys.stdout))
-    told = output("check", str(flat), "--radius", "0.35")
-    assert "\x1b[" in told
-    assert "m² behind" in told
-    assert "0.90" in told
-
-
 def test_builtins_are_called_reconstructions() -> None:
     told = output("check", "yards", "--point", "0.5", "--through-walls", "--range", "12")
     assert "a reconstruction of the paper's" in told
@@ -104,15 +94,15 @@ def test_builtins_are_called_reconstructions() -> None:
     ("arguments", "problem"),
     [
         ("yrads", "did you mean yards"),
-        ("yards --radius 0", "--radius = 0"),
-        ("yards --radius nan", "--radius = nan"),
-        ("yards --point -1", "--point = -1"),
-        ("yards --point 1e-9", "more than"),
-        ("yards --range inf", "--range = inf"),
-        ("yards --radius 1e300 --point 0.5", "fits nowhere"),
-        ("yards --start 12", "--start = 12"),
-        ("yards --start a,b", "--start = a,b"),
-        ("yards --start 1,2,3,4", "--start = 1,2,3,4"),
+        ("yards --radius 0", "--radius 0: expected 0.001 to 100000"),
+        ("yards --radius nan", "--radius nan: expected"),
+        ("yards --point -1", "--point -1: expected"),
+        ("yards --point 0.001", "more than"),
+        ("yards --range inf", "--range inf: expected"),
+        ("yards --radius 1e5 --point 0.5", "fits nowhere"),
+        ("yards --start 12", "--start 12: expected X,Y"),
+        ("yards --start a,b", "--start a,b: expected X,Y"),
+        ("yards --start 1,2,3,4", "--start 1,2,3,4: expected X,Y"),
         ("yards --point 0.5 --start -900,5", "does not fit at"),
         ("open --point 0.5 --picture /none/such/folder.png", "cannot be written"),
         ("flat.png", "flat.png: is an image; give the map's YAML file"),
@@ -186,8 +176,8 @@ def test_landmarks_where_few_walls_agree_are_warned_about(maps: tuple[str, str])
         (["--landmark", "0,2=1,1", "--landmark", "5,2=8,1"], "off by 1.00 m, and --tolerance is 0.3 m; correct the"),
         (["--landmark", "0,2=1,1", "--landmark", "1,2=2,1"], "--landmark: all lie within 1.00 m on A; give some at"),
         (["--landmark", "1e308,2=1,1", "--landmark", "5,2=6,1"], "--landmark: (1e+308, 2) is not on own, which spans"),
-        ([*PLACES, "--point", "0"], "--point = 0: expected a finite number above 0, in m"),
-        ([*PLACES, "--tolerance", "99"], "--tolerance = 99: allows anything; give at most 10, in m"),
+        ([*PLACES, "--point", "0"], "--point 0: expected 0.001 to 100000"),
+        ([*PLACES, "--tolerance", "99"], "--tolerance 99: expected 0.001 to 10"),
         ([*PLACES, "--picture", "/none/such/folder.png"], "cannot be written"),
     ],
 )
@@ -251,8 +241,8 @@ def test_the_picture_shows_regions_in_colours(tmp_path: Path) -> None:
     ("arguments", "problem"),
     [
         (("moon",), "moon: no such scenario or map file"),
-        (("yards", "--point", "0"), "--point = 0: expected a finite number above 0"),
-        (("yards", "--radius", "nan"), "--radius = nan: expected a finite number above 0"),
+        (("yards", "--point", "0"), "--point 0: expected 0.001 to 100000"),
+        (("yards", "--radius", "nan"), "--radius nan: expected 0.001 to 100000"),
         (("yards", "--point", "1", "--picture", "no/such/folder.png"), "no/such/folder.png: cannot be written"),
         (("yards", "--point", "1", "--polygons", "no/such/folder.yaml"), "no/such/folder.yaml: cannot be written"),
     ],

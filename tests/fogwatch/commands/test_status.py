@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from fogwatch.commands.status import follow, once
+from fogwatch.commands.status import look_at
 from fogwatch.status import FleetStatus, WorldStatus
 from patrol.net.link import open_link
 from patrol.pose import Pose
@@ -136,16 +136,17 @@ def test_watching_ends_with_the_run(warnings: tuple[str, ...], code: int, capsys
     running = FleetStatus("f", "tcp/r:1", WorldStatus(1, 2, 0.5, True, 2.0), 1.0, ())
     ended = replace(running, world=WorldStatus(2, 2, 1.0, False, 0.0, "duration"), warnings=warnings)
     looks: Any = Looks(running, ended)
-    assert follow(looks, 1.0, Ending(), as_json=True) == code
+    assert look_at(looks, 1.0, Ending(), watch=True, as_json=True) == code
     shown = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [(look["world"]["ended"], look["well"]) for look in shown] == [(None, True), ("duration", code == 0)]
 
 
-@pytest.mark.parametrize("look", [once, follow])
-def test_an_interrupted_look_says_nothing(look: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("watch", [False, True])
+def test_an_interrupted_look_says_nothing(watch: bool, capsys: pytest.CaptureFixture[str]) -> None:
     ending = Ending()
     ending.ask("SIGINT")
-    assert look(Looks(FleetStatus("f", "tcp/r:1", None, None, ())), 1.0, ending, as_json=True) == 130
+    looks: Any = Looks(FleetStatus("f", "tcp/r:1", None, None, ()))
+    assert look_at(looks, 1.0, ending, watch=watch, as_json=True) == 130
     assert capsys.readouterr().out == ""
 
 

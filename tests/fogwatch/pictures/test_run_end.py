@@ -11,25 +11,25 @@ from PIL import Image
 from fogwatch.grounds.map_check import check_map
 from fogwatch.inprocess import run_in_process
 from fogwatch.pictures.maps import map_picture
-from fogwatch.pictures.run_end import replay, run_picture
+from fogwatch.pictures.run_end import run_picture
 from monitor.figures.ground import Key, Layer, canvas, cropped, fog_scale, key_column, painted, round_length
+from monitor.replay.replay import Replay
+from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
-from patrol.journal import read_journal
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
 
 ROBOTS = {"count": 2, "model": "holonomic"}
 SCENARIO: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 30, "robots": ROBOTS}
 
 
-def run(folder: Path, **changes: Any) -> Prepared:
-    """A run folder of a short run."""
+def run(folder: Path, **changes: Any) -> None:
+    """Leave a run folder of a short run."""
     scenario = load_scenario({**SCENARIO, **changes})
     (folder / "scenario.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
     prepared = prepare(scenario)
     run_in_process(prepared, journal=folder / "journal")
-    return prepared
 
 
 def size_of(picture: Path) -> tuple[int, int]:
@@ -40,41 +40,36 @@ def size_of(picture: Path) -> tuple[int, int]:
 
 @pytest.mark.parametrize("sensor", [{}, {"quality": 0.6}, {"angle": 120.0, "range": 8.0}], ids=str)
 def test_the_replayed_fog_is_the_worlds(tmp_path: Path, sensor: dict[str, Any]) -> None:
-    prepared = run(tmp_path, sensor=sensor)
-    journal = read_journal(tmp_path / "journal")
-    *_, last = journal.ticks
-    final = replay(journal, prepared)
-    assert final.tick == last.k
-    assert final.fog.mfow(last.k) == last.mfow
-    assert final.fog.mean(last.k) == pytest.approx(last.fog_mean)
-    assert final.fog.seen == last.seen
-    assert [len(track) for track in final.tracks.values()] == [60, 60]
+    run(tmp_path, sensor=sensor)
+    ended = open_run(tmp_path)
+    last = ended.ticks - 1
+    fog = Replay(ended).fog(last)
+    assert last == 59
+    assert fog.mfow(last) == ended.mfow[last]
+    assert fog.mean(last) == pytest.approx(ended.fog_mean[last])
+    assert fog.seen == ended.seen[last]
 
 
 def test_a_run_is_drawn_from_its_folder(tmp_path: Path) -> None:
-    prepared = run(tmp_path)
-    run_picture(tmp_path, tmp_path / "fog.png")
-    run_picture(tmp_path, tmp_path / "again.png", prepared)
+    run(tmp_path)
+    run_picture(open_run(tmp_path), tmp_path / "fog.png")
     assert min(size_of(tmp_path / "fog.png")) > 300
-    assert (tmp_path / "fog.png").read_bytes() == (tmp_path / "again.png").read_bytes()
 
 
 def test_a_run_that_was_cut_off_is_drawn_as_far_as_it_got(tmp_path: Path) -> None:
-    prepared = run(tmp_path)
+    run(tmp_path)
     whole = (tmp_path / "journal").read_bytes()
     (tmp_path / "journal").write_bytes(whole[: len(whole) // 2])
-    run_picture(tmp_path, tmp_path / "fog.png", prepared)
-    assert 0 < replay(read_journal(tmp_path / "journal"), prepared).tick < 59
+    run_picture(open_run(tmp_path), tmp_path / "fog.png")
+    assert 0 < open_run(tmp_path).ticks < 60
     # The header is the longest record; nothing but it is left.
     header = whole[: whole.index(b"\xa4type\xa4tick") - 9]
     (tmp_path / "journal").write_bytes(header)
     with pytest.raises(BadInput, match="nothing to draw"):
-        run_picture(tmp_path, tmp_path / "fog.png", prepared)
+        run_picture(open_run(tmp_path), tmp_path / "fog.png")
 
 
 def test_what_cannot_be_drawn_or_written_is_bad_input(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="journal"):
-        run_picture(tmp_path, tmp_path / "fog.png")
     report = check_map(Terrain("field", np.ones((20, 20), dtype=np.bool_), 0.5), 1.0)
     with pytest.raises(BadInput, match="cannot be written"):
         map_picture(report, tmp_path / "none" / "map.png")
@@ -120,10 +115,8 @@ def test_robots_that_come_and_go_are_drawn_and_a_spare_one_that_never_joined_is_
 
     monkeypatch.setattr("monitor.figures.ground.key_column", noted)
     faults = [{"kind": "leave", "who": "r1", "at": 5}, {"kind": "join", "who": "r3", "at": 10}]
-    prepared = run(tmp_path, robots={**ROBOTS, "spare": 2}, faults=faults)
-    final = replay(read_journal(tmp_path / "journal"), prepared)
-    assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 60, 40, 0]
-    run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    run(tmp_path, robots={**ROBOTS, "spare": 2}, faults=faults)
+    run_picture(open_run(tmp_path), tmp_path / "fog.png")
     assert min(size_of(tmp_path / "fog.png")) > 100
     assert [name for name in named if name.startswith("r")] == ["r1 (left)", "r2", "r3"]
 
