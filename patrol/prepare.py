@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from patrol.radio.inbox import Inboxes
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
-    from patrol.scenario.checked import CheckedGround
     from patrol.zones.spec import Weighing
 
 __all__ = ["Prepared", "prepare", "sensor_footprint"]
@@ -176,11 +175,7 @@ def terrain_of(scenario: Scenario, within: Path | None = None) -> Terrain:
     return with_zones(load_terrain(scenario.terrain, scenario.point, scenario.base, within), scenario.zones)
 
 
-CHECKS: Sequence[Callable[[CheckedGround], None]] = (
-    check_docks_on_ground,
-    check_zones_on_ground,
-    check_closures_on_ground,
-)
+CHECKS: Sequence[Callable[[Prepared], None]] = (check_docks_on_ground, check_zones_on_ground, check_closures_on_ground)
 """Refuse what a feature asks for and its ground does not have."""
 
 
