@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
+    from patrol.energy.spec import BatterySpec
     from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
     from patrol.zones.ground import SpeedLimits
@@ -150,7 +151,6 @@ class Charging:
         self._number = spec.number
         self._battery = spec.battery
         self._speed = spec.speed
-        self._use_per_m = 0.0 if spec.battery is None else spec.battery.drive + spec.battery.idle / spec.speed
         self._step = setup.fleet.step
         self._clear_m = CLEAR_RADII * spec.radius
         routes = Routes(Ground(terrain, setup.ground.fields.reach))
@@ -160,18 +160,17 @@ class Charging:
             if np.isfinite(ways).any():
                 point = terrain.point_at(*dock_spec.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
-                clear = np.isfinite(ways)
-                self._docks.append(
-                    _Dock(dock_spec.place, dock_spec.radius, ways, slow_ways, point, clear, dock_spec.place)
-                )
+                place, radius = dock_spec.place, dock_spec.radius
+                self._docks.append(_Dock(place, radius, ways, slow_ways, point, np.isfinite(ways), place))
         self._waiting = Waiting(terrain, setup.ground.fields.reach, spec.radius)
         self._waits_at: Spot | None = None
         for dock in self._docks:
-            self._clear_docks(dock, terrain)
+            self._find_clear_points(dock, terrain)
         self._others: dict[int, _Heard] = {}
         self._charged = frozenset(robot.number for robot in setup.fleet.roster if robot.battery is not None)
         self._ready = False
-        self._own = self._make_newcomer()
+        self._first_charge = 1.0 if self._battery is None else self._battery.start
+        self._own = _Heard(charge=self._first_charge)
         self._patrolling: Set[int] = frozenset()
         self._patrolling_since = 0
         self._dock: int | None = None
@@ -200,7 +199,7 @@ class Charging:
         for number in [number for number in self._others if number not in view.peers]:
             del self._others[number]
         for number, peer in view.peers.items():
-            neighbour = self._others.setdefault(number, self._make_newcomer())
+            neighbour = self._others.setdefault(number, _Heard(charge=self._first_charge))
             self._note_place(neighbour, (peer.pose.x, peer.pose.y), peer.tick)
         self._note_place(self._own, (view.reported.x, view.reported.y), view.tick)
         patrolling = self._others.keys() & self._charged - self._off_patrol(view.tick)
@@ -213,9 +212,6 @@ class Charging:
                 dock.used_since = None
             elif dock.used_since is None:
                 dock.used_since = view.tick
-
-    def _make_newcomer(self) -> _Heard:
-        return _Heard(charge=1.0 if self._battery is None else self._battery.start)
 
     def _note_place(self, robot: _Heard, spot: Spot, tick: int) -> None:
         """Take note of where a robot is, this one or another."""
@@ -315,13 +311,11 @@ class Charging:
         battery = self._battery
         assert battery is not None
         best = self._choose_dock(view)
-        nearest = best if best is not None else self._find_nearest(view)
-        if nearest is None:
-            return False
+        nearest = self._find_nearest(view) if best is None else best
         direct_m = self._open_length(nearest, (view.pose.x, view.pose.y), view)
         way_m = DETOUR * direct_m + 2.0 * view.stride
         left_j = (charge - battery.reserve) * battery.capacity_j
-        if left_j <= self._needed_j(nearest, way_m, view):
+        if left_j <= self._needed_j(battery, nearest, way_m, view):
             return True
         if self._count_surplus(view) > 0:
             # The charge that the others reckon, not the true one, so that all find the same robot.
@@ -386,18 +380,16 @@ class Charging:
                 return Stay(State.CHARGING)
             state = State.CHARGING if dock.holds(pose) else State.DOCKING
             return self._go_to_spot(view, centre, state)
-        nearest = self._find_nearest(view)
-        if nearest is None:
-            return Stay(State.DOCKING)
-        return self._beside_dock(view, nearest)
+        return self._beside_dock(view, self._find_nearest(view))
 
     def _beside_dock(self, view: View, index: int) -> Intent:
         """Return the way to where a robot waits beside a dock: near it, and clear of all docks."""
         dock, pose = self._docks[index], (view.pose.x, view.pose.y)
-        if self._measure_own_way(view, index) > self._beside_m(dock):
+        if self._measure_way(index, pose, view) > self._beside_m(dock):
             self._waits_at = None
             return self._go_to_spot(view, view.place_of(dock.point), State.DOCKING)
-        near = self._find_waiting(pose, view)
+        others = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
+        near = [spot for spot in others if math.dist(spot, pose) <= 4.0 * self._clear_m]
         waits_at = self._waits_at
         # Another robot stands there by now.
         if waits_at is not None and any(math.dist(waits_at, position) <= 2.0 * view.spec.radius for position in near):
@@ -413,19 +405,11 @@ class Charging:
             return Stay(State.DOCKING)
         return self._go_to_spot(view, waits_at, State.DOCKING)
 
-    def _find_waiting(self, pose: Spot, view: View) -> list[Spot]:
-        """Return where the others stand that wait near some place."""
-        spots = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
-        return [spot for spot in spots if math.dist(spot, pose) <= 4.0 * self._clear_m]
-
     def _go_to_spot(self, view: View, spot: Spot, state: str) -> Intent:
         way = view.way(spot)
         if way is None:
             return Place(*spot, state=state)
         return Place(*way.place, bend=way.bend, exact=True, state=state)
-
-    def _measure_own_way(self, view: View, index: int) -> float:
-        return self._measure_way(index, (view.pose.x, view.pose.y), view)
 
     def _measure_way(self, index: int, spot: Spot, view: View) -> float:
         """Return `_open_length`; of a dock that the robot believes shut out `SHUT_OUT_M`, so that it takes another."""
@@ -439,12 +423,10 @@ class Charging:
         length = float(dock.ways[view.point_of(spot)])
         return length if math.isfinite(length) else math.dist(dock.place, spot)
 
-    def _needed_j(self, index: int, way_m: float, view: View) -> float:
+    def _needed_j(self, battery: BatterySpec, index: int, way_m: float, view: View) -> float:
         """Return the energy for a way of some m to a dock, and for the time that slow zones in force cost on it, J."""
-        needed_j = way_m * self._use_per_m
-        if self._battery is not None and self._battery.idle:
-            needed_j += DETOUR * self._delay_s(index, (view.pose.x, view.pose.y), view) * self._battery.idle
-        return needed_j
+        delay_s = self._delay_s(index, (view.pose.x, view.pose.y), view)
+        return way_m * (battery.drive + battery.idle / self._speed) + DETOUR * delay_s * battery.idle
 
     def _delay_s(self, index: int, spot: Spot, view: View) -> float:
         """Return the time that slow zones in force cost on the way from x and y in m to a dock, s."""
@@ -453,25 +435,27 @@ class Charging:
     def _is_taken(self, index: int, tick: int) -> bool:
         return self._has_lasted(self._docks[index].used_since, tick, STOOD_S)
 
-    def _find_nearest(self, view: View) -> int | None:
+    def _find_nearest(self, view: View) -> int:
         """Return the index of the nearest dock, taken or not."""
-        return min(range(len(self._docks)), key=lambda index: (self._measure_own_way(view, index), index), default=None)
+        pose = view.pose.x, view.pose.y
+        return min(range(len(self._docks)), key=lambda index: self._measure_way(index, pose, view))
 
     def _choose_dock(self, view: View) -> int | None:
         """Return the index of the dock to go to: the nearest that is not taken, best one that none claims; or None."""
-        pose, nearest = (view.pose.x, view.pose.y), self._find_nearest(view)
+        battery, charge, pose = self._battery, view.charge, (view.pose.x, view.pose.y)
+        assert battery is not None
+        assert charge is not None
+        left_j, nearest = charge * battery.capacity_j, self._find_nearest(view)
         best: tuple[bool, float, int] | None = None
         for index, dock in enumerate(self._docks):
             if index == self._dock and dock.holds(pose):
                 return index
             if self._is_taken(index, view.tick):
                 continue
-            way_m = self._measure_own_way(view, index)
-            if self._battery is not None and view.charge is not None:
-                left_j = view.charge * self._battery.capacity_j
-                # A dock beyond the nearest one is of use only while the charge suffices for it.
-                if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
-                    continue
+            way_m = self._measure_way(index, pose, view)
+            # A dock beyond the nearest one is of use only while the charge suffices for it.
+            if self.goes and index != nearest and left_j < self._needed_j(battery, index, DETOUR * way_m, view):
+                continue
             claimed = any(self._is_claimed_by(number, index, way_m, view) for number in self._others)
             key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
             best = key if best is None else min(best, key)
@@ -496,17 +480,13 @@ class Charging:
         """Return the length of the way to a dock up to which a robot is beside it, m."""
         return 1.5 * (dock.radius + self._clear_m)
 
-    def _clear_of(self, index: int) -> float:
-        """Return the length of the way to a dock from which on a robot is clear of it, m."""
-        return self._docks[index].radius + 0.5 * self._clear_m
-
-    def _clear_docks(self, dock: _Dock, terrain: Terrain) -> None:
+    def _find_clear_points(self, dock: _Dock, terrain: Terrain) -> None:
         """Find the points beside a dock that are clear of all docks, and the nearest of them from which others pass.
 
         Where there is none, a robot leaves to the nearest clear point, and where all is near docks, not at all.
         """
-        for index, other_dock in enumerate(self._docks):
-            dock.clear &= other_dock.ways > self._clear_of(index)
+        for other_dock in self._docks:
+            dock.clear &= other_dock.ways > other_dock.radius + 0.5 * self._clear_m
         if not dock.clear.any():
             return
         # Before the points are narrowed down to near ones, of which there may be none.
