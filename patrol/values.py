@@ -105,10 +105,10 @@ def wrong(field: str, problem: str, value: float | None = None) -> PydanticCusto
     return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})
 
 
-def absolute(value: str | None, info: ValidationInfo) -> str | None:
+def absolute(value: str, info: ValidationInfo) -> str:
     """Resolve a path against the folder that the validation's context names; without one it stays the same."""
     base = info.context.get("base") if isinstance(info.context, dict) else None
-    return value if value is None or base is None else str((Path(base) / value).absolute())
+    return value if base is None else str((Path(base) / value).absolute())
 
 
 MAX_ROBOTS = 65_000
@@ -216,7 +216,9 @@ FrameBytes = Annotated[
     int, Strict(), Field(ge=1, le=MAX_FRAME), _bare_validator(f"a whole number from 1 to {MAX_FRAME}")
 ]
 Flag = Annotated[bool, Strict(), _bare_validator("true or false")]
-PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
+PathText = Annotated[
+    str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file"), AfterValidator(absolute)
+]
 ClassText = Annotated[
     str, Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$")
 ]

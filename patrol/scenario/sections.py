@@ -115,14 +115,9 @@ class TerrainSpec(Section):
         if not isinstance(file, str) or settings.keys() & {"vertices", "edges"}:
             raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
-            return {**read_graph(Path(str(absolute(file, info))), _image_of(info.data.get("map"))), **settings}
+            return {**read_graph(Path(absolute(file, info)), _image_of(info.data.get("map"))), **settings}
         except BadInput as error:
             raise wrong("", str(error)) from None
-
-    @field_validator("map")
-    @classmethod
-    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return absolute(value, info)
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -261,7 +256,6 @@ class SensorSpec(ClassSection):
                 if getattr(self, field) != type(self).model_fields[field].default:
                     remedy = f"drop it, or name it in sensor.options if {self.kind.rpartition(':')[2]} has such a one"
                     raise wrong(field, f"is a setting of the kinds {' and '.join(BUILT_IN_SENSORS)}; {remedy}")
-        self.check_digest()
         return self
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
