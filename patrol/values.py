@@ -26,6 +26,7 @@ from pydantic import (
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
@@ -87,6 +88,18 @@ class Section(BaseModel):
         sections = [(name, value) for name, value in values if isinstance(value, Section)]
         changed = {name: now for name, section in sections if (now := change(section)) is not section}
         return self.model_copy(update=changed) if changed else self
+
+
+class OneOf(Section):
+    """A section of which exactly one field is given; `CHOICE` lists them, for errors."""
+
+    CHOICE: ClassVar[str]
+
+    @model_validator(mode="after")
+    def _has_one_field(self) -> Self:
+        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
+            raise wrong("", f"exactly one is needed: {self.CHOICE}")
+        return self
 
 
 def digest_of(meaning: Mapping[str, Any]) -> str:
