@@ -228,8 +228,8 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
                 raise BadInput(f"control: intruder: this run has {MOST_INTRUDERS} intruders already and takes no more")
             entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
             x, y = control.place
-            amended = _with_entry(scenario, "intruders", index, entry)
-            return amended, f"{intruder_name(index)} at ({x:g}, {y:g}) from tick {k} on"
+            changed = _with_entry(scenario, "intruders", index, entry)
+            return changed, f"{intruder_name(index)} at ({x:g}, {y:g}) from tick {k} on"
         case SwitchZone():
             index, zone = _find_zone(scenario, control.name)
             change: dict[str, Any]
@@ -239,8 +239,8 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
             else:
                 change = {"times": _switch_zone(scenario, k, zone, bool(control.on))}
                 does = "is in force" if control.on else "is out of force"
-            amended = _with_entry(scenario, "zones", index, _plain(zone) | change)
-            return amended, f"{control.name} {does} from tick {k} on"
+            changed = _with_entry(scenario, "zones", index, _plain(zone) | change)
+            return changed, f"{control.name} {does} from tick {k} on"
     return scenario, ""
 
 
