@@ -26,12 +26,7 @@ from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in
 
 MOST_CLOSURES = 256
 
-Times = Annotated[
-    tuple[Span, ...],
-    Field(json_schema_extra={"minItems": 1, "maxItems": MOST_TIMES}),
-    at_least(1, "spans [from, to]"),
-    at_most(MOST_TIMES, "spans"),
-]
+Times = Annotated[tuple[Span, ...], at_least(1, "spans [from, to]"), at_most(MOST_TIMES, "spans")]
 
 
 class ClosureSpec(Section):
@@ -73,7 +68,6 @@ class ClosureSpec(Section):
 
 Closures = Annotated[
     tuple[ClosureSpec, ...],
-    Field(json_schema_extra={"maxItems": MOST_CLOSURES}),
     at_most(MOST_CLOSURES, "closures"),
     listed_in_file("closures", "{name: door, polygon: ..., closed: [[60, 90]]}"),
 ]

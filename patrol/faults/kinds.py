@@ -219,11 +219,11 @@ class Reorder(OnLinks):
     hold: Positive | None = Field(None, description="s, how long a frame is held back; null: one step")
 
 
-Group = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names in a group")]
+Group = Annotated[tuple[RobotName, ...], at_least(1, "names in a group")]
 _GROUPS = "halves, one (against the rest) or a list of groups, each a list of names"
 Groups = Annotated[
     Annotated[Literal["halves", "one"], expecting(_GROUPS), Tag("=single")]
-    | Annotated[tuple[Group, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "groups"), Tag("=list")],
+    | Annotated[tuple[Group, ...], at_least(1, "groups"), Tag("=list")],
     by_shape(_GROUPS),
 ]
 

@@ -46,7 +46,7 @@ class Some(OneOf):
 
 
 WHO = "a robot's name, a list of names, one, minority, half, all, {count: N} or {fraction: SHARE}"
-Names = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names")]
+Names = Annotated[tuple[RobotName, ...], at_least(1, "names")]
 Who = Annotated[
     Annotated[RobotName, expecting(WHO), Tag("=single")]
     | Annotated[Names, Tag("=list")]

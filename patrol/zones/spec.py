@@ -65,11 +65,7 @@ Weight = Annotated[
 MOST_TIMES = 10_000
 """Times of one zone or closure, at most."""
 
-Weights = Annotated[
-    tuple[tuple[NotNegative, Weight], ...],
-    Field(json_schema_extra={"maxItems": MOST_TIMES}),
-    at_most(MOST_TIMES, "weights"),
-]
+Weights = Annotated[tuple[tuple[NotNegative, Weight], ...], at_most(MOST_TIMES, "weights")]
 
 MOST_NAMED = 4
 """Times of a zone that are named to people, at most, and its later weights."""
@@ -80,7 +76,7 @@ Span = tuple[NotNegative, NotNegative]
 Weighing = frozenset[tuple[str, float | None]]
 """The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 
-Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
+Spans = Annotated[tuple[Span, ...], at_most(MOST_TIMES, "spans")]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -345,7 +341,6 @@ def listed_in_file(key: str, example: str) -> BeforeValidator:
 
 Zones = Annotated[
     tuple[ZoneSpec, ...],
-    Field(json_schema_extra={"maxItems": MOST_ZONES}),
     at_most(MOST_ZONES, "zones"),
     listed_in_file("zones", "{name: vault, polygon: ..., weight: 10}"),
 ]
