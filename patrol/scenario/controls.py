@@ -328,8 +328,8 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:
         if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
             scenario = _heal_fault(scenario, begin, str(before.id))
-    taken = {fault.id for fault in scenario.faults}
-    entry.setdefault("id", next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in taken))
+    known_ids = {fault.id for fault in scenario.faults}
+    entry.setdefault("id", next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in known_ids))
     extended = _with_entry(scenario, "faults", len(scenario.faults), entry)
     fault = extended.faults[-1]
     if isinstance(fault, OnClosure):

@@ -325,8 +325,8 @@ class RobotSpec:
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     """List the robots of a scenario in the order of their numbers, 1..N."""
     if not isinstance(robots, tuple):
-        given = () if robots.starts == "random" else robots.starts
-        starts = [*given, *["random"] * (robots.whole - len(given))]
+        explicit = () if robots.starts == "random" else robots.starts
+        starts = [*explicit, *["random"] * (robots.whole - len(explicit))]
         return [_make_spec(number, robots, start, number > robots.count) for number, start in enumerate(starts, 1)]
     return [
         _make_spec(number, entry, entry.start, bool(entry.spare), entry.name, f"robots.{number - 1}")
