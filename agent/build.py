@@ -114,8 +114,8 @@ def shared_by(
         fleet=fleet_setup(scenario, chance),
         footprint=sensor,
         psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
-        radii=radii_of(scenario),
-        strides=strides_of(scenario),
+        radii=MappingProxyType({spec.number: spec.radius for spec in scenario.roster}),
+        strides=MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster}),
         speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
         key=key,
         chance=chance,
@@ -133,16 +133,6 @@ def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
     """Return the part of policies' setups that is the same for the whole fleet."""
     draw = partial(chance.draw, Purpose.PLAN)
     return FleetSetup(scenario.step, scenario.roster, scenario.patrol, scenario.docks, draw)
-
-
-def radii_of(scenario: Scenario) -> Mapping[int, float]:
-    """Return the radii of all robots of a scenario by number, m."""
-    return MappingProxyType({spec.number: spec.radius for spec in scenario.roster})
-
-
-def strides_of(scenario: Scenario) -> Mapping[int, float]:
-    """Return the longest way in one step of all robots of a scenario by number, m."""
-    return MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster})
 
 
 def build_mind(

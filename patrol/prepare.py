@@ -20,7 +20,7 @@ from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
 from patrol.graph import check_vertices, graph_from_ground, graph_of, watching_vertices
 from patrol.ground.cspace import check_areas
-from patrol.ground.fields import StaticFields, compute_fields, load_grid
+from patrol.ground.fields import StaticFields, compute_fields, load_grid, save_grids
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.left_out import LeftOut, left_out
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from patrol.radio.inbox import Inboxes
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
-    from patrol.scenario.checked import CheckedGround
     from patrol.zones.spec import Weighing
 
 __all__ = ["Prepared", "prepare", "sensor_footprint"]
@@ -107,9 +106,7 @@ class Prepared:
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in GROUND:
-            np.save(folder / f"{name}.npy", getattr(self.terrain, name))
+        save_grids(folder, self.terrain, GROUND)
         places: dict[int, str] = {}
         for fields in self.fields.values():
             if id(fields) not in places:
@@ -176,11 +173,7 @@ def terrain_of(scenario: Scenario, within: Path | None = None) -> Terrain:
     return with_zones(load_terrain(scenario.terrain, scenario.point, scenario.base, within), scenario.zones)
 
 
-CHECKS: Sequence[Callable[[CheckedGround], None]] = (
-    check_docks_on_ground,
-    check_zones_on_ground,
-    check_closures_on_ground,
-)
+CHECKS: Sequence[Callable[[Prepared], None]] = (check_docks_on_ground, check_zones_on_ground, check_closures_on_ground)
 """Refuse what a feature asks for and its ground does not have."""
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -16,18 +17,21 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     Strict,
     Tag,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
+from pydantic_core import core_schema as schemas
 
 from patrol.pose import Model
 from patrol.radio.message import MAX_FRAME, MAX_TRAIL
@@ -89,6 +93,18 @@ class Section(BaseModel):
         return self.model_copy(update=changed) if changed else self
 
 
+class OneOf(Section):
+    """A section of which exactly one field is given; `CHOICE` lists them, for errors."""
+
+    CHOICE: ClassVar[str]
+
+    @model_validator(mode="after")
+    def _has_one_field(self) -> Self:
+        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
+            raise wrong("", f"exactly one is needed: {self.CHOICE}")
+        return self
+
+
 def digest_of(meaning: Mapping[str, Any]) -> str:
     """Return the SHA-256 (hex) of texts and numbers by name, in any order."""
     text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -105,10 +121,10 @@ def wrong(field: str, problem: str, value: float | None = None) -> PydanticCusto
     return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})
 
 
-def absolute(value: str | None, info: ValidationInfo) -> str | None:
+def absolute(value: str, info: ValidationInfo) -> str:
     """Resolve a path against the folder that the validation's context names; without one it stays the same."""
     base = info.context.get("base") if isinstance(info.context, dict) else None
-    return value if value is None or base is None else str((Path(base) / value).absolute())
+    return value if base is None else str((Path(base) / value).absolute())
 
 
 MAX_ROBOTS = 65_000
@@ -148,29 +164,45 @@ def unexpected(what: str, bare: bool = False) -> PydanticCustomError:
     return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
 
 
-def at_least(count: int, what: str) -> AfterValidator:
-    """Make a check that a list has enough items.
+@dataclass(frozen=True)
+class Items:
+    """A bound of the number of items in a list, in its checks and in its schema.
 
-    It runs after the items' own checks, so that a wrong item is not counted as missing.
+    Too many are refused before any of them is looked at; too few after the items' own checks, so that a wrong item is
+    not counted as missing.
     """
 
-    def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
-        if len(items) < count:
-            raise unexpected(f"{count} or more {what}")
+    key: Literal["minItems", "maxItems"]
+    count: int
+    what: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> schemas.CoreSchema:
+        """Add the check."""
+        if self.key == "minItems":
+            return schemas.no_info_after_validator_function(self._check, handler(source))
+        return schemas.no_info_before_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: schemas.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Add the bound."""
+        return {**handler(schema), self.key: self.count}
+
+    def _check(self, items: Any) -> Any:
+        count = len(items) if isinstance(items, list | tuple) else self.count
+        if self.key == "minItems" and count < self.count:
+            raise unexpected(f"{self.count} or more {self.what}")
+        if self.key == "maxItems" and count > self.count:
+            raise unexpected(f"at most {self.count} {self.what}")
         return items
 
-    return AfterValidator(check)
+
+def at_least(count: int, what: str) -> Items:
+    """Bound the number of items in a list from below."""
+    return Items("minItems", count, what)
 
 
-def at_most(count: int, what: str) -> BeforeValidator:
-    """Make a check that a list does not have too many items, before any of them is looked at."""
-
-    def check(items: Any) -> Any:
-        if isinstance(items, list | tuple) and len(items) > count:
-            raise unexpected(f"at most {count} {what}")
-        return items
-
-    return BeforeValidator(check)
+def at_most(count: int, what: str) -> Items:
+    """Bound the number of items in a list from above."""
+    return Items("maxItems", count, what)
 
 
 Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare_validator("a number from -1e9 to 1e9")]
@@ -216,7 +248,9 @@ FrameBytes = Annotated[
     int, Strict(), Field(ge=1, le=MAX_FRAME), _bare_validator(f"a whole number from 1 to {MAX_FRAME}")
 ]
 Flag = Annotated[bool, Strict(), _bare_validator("true or false")]
-PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
+PathText = Annotated[
+    str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file"), AfterValidator(absolute)
+]
 ClassText = Annotated[
     str, Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$")
 ]
@@ -232,15 +266,8 @@ RobotName = Annotated[
     expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
 ]
 Corner = Annotated[tuple[Number, Number], expecting("[x, y] in m")]
-Polygon = Annotated[
-    tuple[Corner, ...],
-    Field(json_schema_extra={"minItems": 3, "maxItems": MAX_CORNERS}),
-    at_least(3, "corners"),
-    at_most(MAX_CORNERS, "corners"),
-]
-Polygons = Annotated[
-    tuple[Polygon, ...], Field(json_schema_extra={"maxItems": MAX_POLYGONS}), at_most(MAX_POLYGONS, "polygons")
-]
+Polygon = Annotated[tuple[Corner, ...], at_least(3, "corners"), at_most(MAX_CORNERS, "corners")]
+Polygons = Annotated[tuple[Polygon, ...], at_most(MAX_POLYGONS, "polygons")]
 Place = Annotated[
     tuple[Number, Number] | tuple[Number, Number, Number], expecting("[x, y] in m or [x, y, heading] in m and rad")
 ]
@@ -286,13 +313,7 @@ _SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, q
 QualityPoint = Annotated[tuple[NotNegative, Share], expecting("[distance in m, quality above 0 and at most 1]")]
 Quality = Annotated[
     Annotated[Share, expecting(_SHARE_OR_LIST), Tag("=single")]
-    | Annotated[
-        tuple[QualityPoint, ...],
-        Field(json_schema_extra={"minItems": 1}),
-        at_least(1, "points"),
-        AfterValidator(_check_increasing),
-        Tag("=list"),
-    ],
+    | Annotated[tuple[QualityPoint, ...], at_least(1, "points"), AfterValidator(_check_increasing), Tag("=list")],
     by_shape(_SHARE_OR_LIST),
 ]
 Mechanism = Literal["claims", "artificial-obstacles", "semaphores", "repulsion"]

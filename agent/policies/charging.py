@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
+    from patrol.energy.spec import BatterySpec
     from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
     from patrol.zones.ground import SpeedLimits
@@ -110,7 +111,7 @@ class _Seen(NamedTuple):
     spot: Spot
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Dock:
     """A dock as one robot knows it."""
 
@@ -133,9 +134,9 @@ class _Heard:
     """A robot as it was heard."""
 
     course: deque[_Seen] = field(default_factory=deque)  # oldest first, over `COURSE_S`
-    at: int | None = None  # index of the dock at which it is
+    at: _Dock | None = None  # the dock at which it is
     since: int = 0  # tick since which `at` holds
-    rests: int | None = None  # index of the dock at which it stood last, while it stays near
+    rests: _Dock | None = None  # the dock at which it stood last, while it stays near
     still_since: int = 0  # tick since which it has not moved
     charge: float = 1.0  # by reckoning, as a share of the battery's capacity
 
@@ -150,7 +151,6 @@ class Charging:
         self._number = spec.number
         self._battery = spec.battery
         self._speed = spec.speed
-        self._use_per_m = 0.0 if spec.battery is None else spec.battery.drive + spec.battery.idle / spec.speed
         self._step = setup.fleet.step
         self._clear_m = CLEAR_RADII * spec.radius
         routes = Routes(Ground(terrain, setup.ground.fields.reach))
@@ -160,22 +160,21 @@ class Charging:
             if np.isfinite(ways).any():
                 point = terrain.point_at(*dock_spec.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
-                clear = np.isfinite(ways)
-                self._docks.append(
-                    _Dock(dock_spec.place, dock_spec.radius, ways, slow_ways, point, clear, dock_spec.place)
-                )
+                place, radius = dock_spec.place, dock_spec.radius
+                self._docks.append(_Dock(place, radius, ways, slow_ways, point, np.isfinite(ways), place))
         self._waiting = Waiting(terrain, setup.ground.fields.reach, spec.radius)
         self._waits_at: Spot | None = None
         for dock in self._docks:
-            self._clear_docks(dock, terrain)
+            self._find_clear_points(dock, terrain)
         self._others: dict[int, _Heard] = {}
         self._charged = frozenset(robot.number for robot in setup.fleet.roster if robot.battery is not None)
         self._ready = False
-        self._own = self._make_newcomer()
+        self._first_charge = 1.0 if self._battery is None else self._battery.start
+        self._own = _Heard(charge=self._first_charge)
         self._patrolling: Set[int] = frozenset()
         self._patrolling_since = 0
-        self._dock: int | None = None
-        self._asks: int | None = None
+        self._dock: _Dock | None = None
+        self._asks: _Dock | None = None
         self._asked_at = -(2**30)
 
     def decide(self, view: View) -> Intent:
@@ -200,7 +199,7 @@ class Charging:
         for number in [number for number in self._others if number not in view.peers]:
             del self._others[number]
         for number, peer in view.peers.items():
-            neighbour = self._others.setdefault(number, self._make_newcomer())
+            neighbour = self._others.setdefault(number, _Heard(charge=self._first_charge))
             self._note_place(neighbour, (peer.pose.x, peer.pose.y), peer.tick)
         self._note_place(self._own, (view.reported.x, view.reported.y), view.tick)
         patrolling = self._others.keys() & self._charged - self._off_patrol(view.tick)
@@ -208,14 +207,11 @@ class Charging:
             self._patrolling, self._patrolling_since = patrolling, view.tick
         is_open = view.ground.open_now
         used = {neighbour.at for neighbour in self._others.values()}
-        for index, dock in enumerate(self._docks):
-            if index not in used and is_open[dock.point]:
+        for dock in self._docks:
+            if dock not in used and is_open[dock.point]:
                 dock.used_since = None
             elif dock.used_since is None:
                 dock.used_since = view.tick
-
-    def _make_newcomer(self) -> _Heard:
-        return _Heard(charge=1.0 if self._battery is None else self._battery.start)
 
     def _note_place(self, robot: _Heard, spot: Spot, tick: int) -> None:
         """Take note of where a robot is, this one or another."""
@@ -231,11 +227,11 @@ class Charging:
         course.append(_Seen(tick, spot))
         while course[0].tick < tick - COURSE_S / self._step:
             course.popleft()
-        dock_index = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
-        if dock_index != robot.at:
+        dock = next((dock for dock in self._docks if dock.holds(spot)), None)
+        if dock is not robot.at:
             if robot.at is not None and self._has_lasted(robot.since, tick, STOOD_S):
                 robot.rests = robot.at
-            robot.at, robot.since = dock_index, tick
+            robot.at, robot.since = dock, tick
         if robot.rests is not None and not self._is_beside(robot.rests, spot):
             robot.rests = None
 
@@ -258,22 +254,21 @@ class Charging:
         robots = self._others.items()
         return {n for n, robot in robots if robot.at is not None and self._has_lasted(robot.since, tick, STOOD_S)}
 
-    def _is_beside(self, index: int, spot: Spot) -> bool:
+    def _is_beside(self, dock: _Dock, spot: Spot) -> bool:
         """Return True if x and y in m are at a dock or near enough to wait for it."""
-        return math.dist(self._docks[index].place, spot) <= self._docks[index].radius + 2.0 * self._clear_m
+        return math.dist(dock.place, spot) <= dock.radius + 2.0 * self._clear_m
 
-    def _wants_room(self, other: _Heard, tick: int) -> int | None:
-        """Return the index of the dock beside which a robot waits for one with much more charge to make room."""
+    def _wants_room(self, other: _Heard, tick: int) -> _Dock | None:
+        """Return the dock beside which a robot waits for one with much more charge to make room."""
         if other.at is not None or not self._has_lasted(other.still_since, tick, WAITED_S):
             return None
-        for index in range(len(self._docks)):
-            if self._is_beside(index, other.course[-1].spot):
-                charged = (
-                    robot.charge for robot in (self._own, *self._others.values()) if index in (robot.at, robot.rests)
-                )
+        for dock in self._docks:
+            if self._is_beside(dock, other.course[-1].spot):
+                robots = self._own, *self._others.values()
+                charged = (robot.charge for robot in robots if dock in (robot.at, robot.rests))
                 # Both robots reckon this charge, and neither quite rightly.
                 if max(charged, default=0.0) >= other.charge + WORTH - ROUGH:
-                    return index
+                    return dock
         return None
 
     def _off_patrol(self, tick: int) -> set[int]:
@@ -315,13 +310,11 @@ class Charging:
         battery = self._battery
         assert battery is not None
         best = self._choose_dock(view)
-        nearest = best if best is not None else self._find_nearest(view)
-        if nearest is None:
-            return False
+        nearest = self._find_nearest(view) if best is None else best
         direct_m = self._open_length(nearest, (view.pose.x, view.pose.y), view)
         way_m = DETOUR * direct_m + 2.0 * view.stride
         left_j = (charge - battery.reserve) * battery.capacity_j
-        if left_j <= self._needed_j(nearest, way_m, view):
+        if left_j <= self._needed_j(battery, nearest, way_m, view):
             return True
         if self._count_surplus(view) > 0:
             # The charge that the others reckon, not the true one, so that all find the same robot.
@@ -332,7 +325,7 @@ class Charging:
             return False
         if charge <= battery.reserve + EARLY:
             return True
-        return any(o.rests == best and o.charge >= charge + WORTH for o in self._others.values())
+        return any(o.rests is best and o.charge >= charge + WORTH for o in self._others.values())
 
     def _asks_for_room(self, view: View, charge: float) -> bool:
         """Return True while the robot stands beside a dock for another to make room; it goes there when that does."""
@@ -345,11 +338,11 @@ class Charging:
                 return True
             self._asks = None
         pose = view.pose.x, view.pose.y
-        beside = next((index for index in range(len(self._docks)) if self._is_beside(index, pose)), None)
+        beside = next((dock for dock in self._docks if self._is_beside(dock, pose)), None)
         if beside is None or not self._has_lasted(self._asked_at, tick, PAUSE_S):
             return False
         standing = (self._others[number] for number in self._find_docked(tick))
-        if not any(neighbour.at == beside and neighbour.charge >= charge + WORTH for neighbour in standing):
+        if not any(neighbour.at is beside and neighbour.charge >= charge + WORTH for neighbour in standing):
             return False
         self._asks, self._asked_at = beside, tick
         return True
@@ -361,12 +354,12 @@ class Charging:
         # The bound is lower once it has charged, or waiting beside the dock would send it back at once.
         self._ready = charge >= (STILL_CHARGED if self._ready else 1.0) * self._battery.full
         if self._ready:
-            is_relieved = any(self._others[number].at == self._dock for number in self._find_docked(tick))
+            is_relieved = any(self._others[number].at is self._dock for number in self._find_docked(tick))
             return self._dock is None or is_relieved or self._count_surplus(view) < 0
-        if self._dock is None or not self._docks[self._dock].holds(pose):
+        if self._dock is None or not self._dock.holds(pose):
             return False
         return any(
-            self._wants_room(self._others[number], tick) == self._dock
+            self._wants_room(self._others[number], tick) is self._dock
             and charge >= self._others[number].charge + WORTH - ROUGH
             for number in self._others.keys() & self._charged
         )
@@ -377,27 +370,24 @@ class Charging:
         pose = view.pose.x, view.pose.y
         if self._ready and self._dock is not None:
             return self._beside_dock(view, self._dock)
-        self._dock = self._choose_dock(view)
-        if self._dock is not None:
-            dock = self._docks[self._dock]
+        self._dock = dock = self._choose_dock(view)
+        if dock is not None:
             centre = view.place_of(dock.point)
             # The point that it drives to may lie farther off than half of the radius.
             if math.dist(dock.place, pose) <= max(0.5 * dock.radius, math.dist(dock.place, centre) + ROUNDED_M):
                 return Stay(State.CHARGING)
             state = State.CHARGING if dock.holds(pose) else State.DOCKING
             return self._go_to_spot(view, centre, state)
-        nearest = self._find_nearest(view)
-        if nearest is None:
-            return Stay(State.DOCKING)
-        return self._beside_dock(view, nearest)
+        return self._beside_dock(view, self._find_nearest(view))
 
-    def _beside_dock(self, view: View, index: int) -> Intent:
+    def _beside_dock(self, view: View, dock: _Dock) -> Intent:
         """Return the way to where a robot waits beside a dock: near it, and clear of all docks."""
-        dock, pose = self._docks[index], (view.pose.x, view.pose.y)
-        if self._measure_own_way(view, index) > self._beside_m(dock):
+        pose = view.pose.x, view.pose.y
+        if self._measure_way(dock, pose, view) > self._beside_m(dock):
             self._waits_at = None
             return self._go_to_spot(view, view.place_of(dock.point), State.DOCKING)
-        near = self._find_waiting(pose, view)
+        others = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
+        near = [spot for spot in others if math.dist(spot, pose) <= 4.0 * self._clear_m]
         waits_at = self._waits_at
         # Another robot stands there by now.
         if waits_at is not None and any(math.dist(waits_at, position) <= 2.0 * view.spec.radius for position in near):
@@ -413,100 +403,87 @@ class Charging:
             return Stay(State.DOCKING)
         return self._go_to_spot(view, waits_at, State.DOCKING)
 
-    def _find_waiting(self, pose: Spot, view: View) -> list[Spot]:
-        """Return where the others stand that wait near some place."""
-        spots = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
-        return [spot for spot in spots if math.dist(spot, pose) <= 4.0 * self._clear_m]
-
     def _go_to_spot(self, view: View, spot: Spot, state: str) -> Intent:
         way = view.way(spot)
         if way is None:
             return Place(*spot, state=state)
         return Place(*way.place, bend=way.bend, exact=True, state=state)
 
-    def _measure_own_way(self, view: View, index: int) -> float:
-        return self._measure_way(index, (view.pose.x, view.pose.y), view)
-
-    def _measure_way(self, index: int, spot: Spot, view: View) -> float:
+    def _measure_way(self, dock: _Dock, spot: Spot, view: View) -> float:
         """Return `_open_length`; of a dock that the robot believes shut out `SHUT_OUT_M`, so that it takes another."""
-        if view.fog.left_out is not None and view.fog.left_out[self._docks[index].point]:
+        if view.fog.left_out is not None and view.fog.left_out[dock.point]:
             return SHUT_OUT_M
-        return self._open_length(index, spot, view)
+        return self._open_length(dock, spot, view)
 
-    def _open_length(self, index: int, spot: Spot, view: View) -> float:
+    def _open_length(self, dock: _Dock, spot: Spot, view: View) -> float:
         """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known."""
-        dock = self._docks[index]
         length = float(dock.ways[view.point_of(spot)])
         return length if math.isfinite(length) else math.dist(dock.place, spot)
 
-    def _needed_j(self, index: int, way_m: float, view: View) -> float:
+    def _needed_j(self, battery: BatterySpec, dock: _Dock, way_m: float, view: View) -> float:
         """Return the energy for a way of some m to a dock, and for the time that slow zones in force cost on it, J."""
-        needed_j = way_m * self._use_per_m
-        if self._battery is not None and self._battery.idle:
-            needed_j += DETOUR * self._delay_s(index, (view.pose.x, view.pose.y), view) * self._battery.idle
-        return needed_j
+        delay_s = self._delay_s(dock, (view.pose.x, view.pose.y), view)
+        return way_m * (battery.drive + battery.idle / self._speed) + DETOUR * delay_s * battery.idle
 
-    def _delay_s(self, index: int, spot: Spot, view: View) -> float:
+    def _delay_s(self, dock: _Dock, spot: Spot, view: View) -> float:
         """Return the time that slow zones in force cost on the way from x and y in m to a dock, s."""
-        return self._docks[index].slow_ways.delay_s(view.point_of(spot), view.zones)
+        return dock.slow_ways.delay_s(view.point_of(spot), view.zones)
 
-    def _is_taken(self, index: int, tick: int) -> bool:
-        return self._has_lasted(self._docks[index].used_since, tick, STOOD_S)
+    def _is_taken(self, dock: _Dock, tick: int) -> bool:
+        return self._has_lasted(dock.used_since, tick, STOOD_S)
 
-    def _find_nearest(self, view: View) -> int | None:
-        """Return the index of the nearest dock, taken or not."""
-        return min(range(len(self._docks)), key=lambda index: (self._measure_own_way(view, index), index), default=None)
+    def _find_nearest(self, view: View) -> _Dock:
+        """Return the nearest dock, taken or not."""
+        pose = view.pose.x, view.pose.y
+        return min(self._docks, key=lambda dock: self._measure_way(dock, pose, view))
 
-    def _choose_dock(self, view: View) -> int | None:
-        """Return the index of the dock to go to: the nearest that is not taken, best one that none claims; or None."""
-        pose, nearest = (view.pose.x, view.pose.y), self._find_nearest(view)
+    def _choose_dock(self, view: View) -> _Dock | None:
+        """Return the dock to go to: the nearest that is not taken, best one that none claims; or None."""
+        battery, charge, pose = self._battery, view.charge, (view.pose.x, view.pose.y)
+        assert battery is not None
+        assert charge is not None
+        left_j, nearest = charge * battery.capacity_j, self._find_nearest(view)
         best: tuple[bool, float, int] | None = None
         for index, dock in enumerate(self._docks):
-            if index == self._dock and dock.holds(pose):
-                return index
-            if self._is_taken(index, view.tick):
+            if dock is self._dock and dock.holds(pose):
+                return dock
+            if self._is_taken(dock, view.tick):
                 continue
-            way_m = self._measure_own_way(view, index)
-            if self._battery is not None and view.charge is not None:
-                left_j = view.charge * self._battery.capacity_j
-                # A dock beyond the nearest one is of use only while the charge suffices for it.
-                if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
-                    continue
-            claimed = any(self._is_claimed_by(number, index, way_m, view) for number in self._others)
-            key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
+            way_m = self._measure_way(dock, pose, view)
+            # A dock beyond the nearest one is of use only while the charge suffices for it.
+            if self.goes and dock is not nearest and left_j < self._needed_j(battery, dock, DETOUR * way_m, view):
+                continue
+            claimed = any(self._is_claimed_by(number, dock, way_m, view) for number in self._others)
+            key = claimed, way_m * (KEEP if dock is self._dock else 1.0), index
             best = key if best is None else min(best, key)
-        return None if best is None else best[2]
+        return None if best is None else self._docks[best[2]]
 
-    def _is_claimed_by(self, number: int, index: int, own_m: float, view: View) -> bool:
+    def _is_claimed_by(self, number: int, dock: _Dock, own_m: float, view: View) -> bool:
         """Return True if another robot goes to a dock, and has the shorter way."""
         neighbour = self._others[number]
         first, last = neighbour.course[0], neighbour.course[-1]
         passed_s = (last.tick - first.tick) * self._step
         if passed_s <= 0.0 or neighbour.at is not None:
-            return neighbour.at == index
-        way_m = self._measure_way(index, last.spot, view)
+            return neighbour.at is dock
+        way_m = self._measure_way(dock, last.spot, view)
         # The other robot compares the same two pairs, so only one of them gives up the dock.
         if (way_m, number) > (own_m, self._number):
             return False
-        nearer_m = self._measure_way(index, first.spot, view) - way_m
-        held_up_s = self._delay_s(index, first.spot, view) - self._delay_s(index, last.spot, view)
+        nearer_m = self._measure_way(dock, first.spot, view) - way_m
+        held_up_s = self._delay_s(dock, first.spot, view) - self._delay_s(dock, last.spot, view)
         return nearer_m + self._speed * held_up_s >= TOWARDS * self._speed * passed_s
 
     def _beside_m(self, dock: _Dock) -> float:
         """Return the length of the way to a dock up to which a robot is beside it, m."""
         return 1.5 * (dock.radius + self._clear_m)
 
-    def _clear_of(self, index: int) -> float:
-        """Return the length of the way to a dock from which on a robot is clear of it, m."""
-        return self._docks[index].radius + 0.5 * self._clear_m
-
-    def _clear_docks(self, dock: _Dock, terrain: Terrain) -> None:
+    def _find_clear_points(self, dock: _Dock, terrain: Terrain) -> None:
         """Find the points beside a dock that are clear of all docks, and the nearest of them from which others pass.
 
         Where there is none, a robot leaves to the nearest clear point, and where all is near docks, not at all.
         """
-        for index, other_dock in enumerate(self._docks):
-            dock.clear &= other_dock.ways > self._clear_of(index)
+        for other_dock in self._docks:
+            dock.clear &= other_dock.ways > other_dock.radius + 0.5 * self._clear_m
         if not dock.clear.any():
             return
         # Before the points are narrowed down to near ones, of which there may be none.

@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import KIB, OWN_CLASS, WEIGHTS, Kind, read_untrusted
@@ -48,7 +48,7 @@ def _offer_classes(value: Any, info: ValidationInfo) -> str:
     if not (isinstance(value, str) and value.endswith(".py") and info.context and info.context["opens_classes"]):
         return ""
     try:
-        source = read_untrusted(Path(absolute(value, info) or value), OWN_CLASS)
+        source = read_untrusted(Path(absolute(value, info)), OWN_CLASS)
         module = ast.parse(source if len(source) <= LONGEST else "")
         classes = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
     except (OSError, BadInput, SyntaxError, ValueError, RecursionError, MemoryError):
@@ -93,11 +93,12 @@ class ClassSection(Section):
         field = self.NAMED.rpartition(".")[2]
         return field, getattr(self, field), getattr(self, f"{field}_sha256")
 
-    def check_digest(self) -> None:
-        """Refuse a SHA-256 of a class that comes from no file."""
+    @model_validator(mode="after")
+    def _has_a_hash_of_a_file(self) -> Self:
         field, name, digest = self._class_entry()
         if digest is not None and class_file(name) is None:
             raise wrong(f"{field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
+        return self
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
         """Let a class enter by its name, and by its file's content."""

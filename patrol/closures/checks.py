@@ -12,10 +12,11 @@ from patrol.values import wrong
 from patrol.zones.spec import check_names, check_ticks
 
 if TYPE_CHECKING:
-    from patrol.scenario.checked import CheckedGround, CheckedScenario
+    from patrol.prepare import Prepared
+    from patrol.scenario.model import Scenario
 
 
-def check_closures(scenario: CheckedScenario) -> None:
+def check_closures(scenario: Scenario) -> None:
     """Refuse closures that do not fit the rest of a scenario."""
     check_names([closure.name for closure in scenario.closures], "closure")
     if not scenario.closures:
@@ -27,7 +28,7 @@ def check_closures(scenario: CheckedScenario) -> None:
         check_ticks(closure.closed or (), scenario.step, f"closures.{number}.closed", closure.name)
 
 
-def check_closures_on_ground(prepared: CheckedGround) -> None:
+def check_closures_on_ground(prepared: Prepared) -> None:
     """Refuse closures that close nothing, or lie on starts or docks."""
     from patrol.ground.swept_path import free_fraction  # here: it loads kernels, and few scenarios have closures
 

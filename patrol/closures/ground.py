@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -157,9 +158,7 @@ class Closings:
     def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event] = ()) -> None:
         """Take in the events so far."""
         self.now = ClosedPoints(closures, terrain)
-        self._ticks: list[int] = [0]
-        self._names: list[frozenset[str]] = [frozenset()]
-        self._waiting: list[frozenset[str]] = [frozenset()]
+        self._states: list[tuple[int, frozenset[str], frozenset[str]]] = [(0, frozenset(), frozenset())]
         self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), self.now.grid
         self._shown: tuple[Footprint, frozenset[str]] | None = None
         self.take(events)
@@ -168,9 +167,7 @@ class Closings:
         """Take in events that follow on those so far."""
         for event in events:
             if self.now.take(event):
-                self._ticks.append(event.k)
-                self._names.append(frozenset(self.now.names))
-                self._waiting.append(frozenset(self.now.waiting))
+                self._states.append((event.k, frozenset(self.now.names), frozenset(self.now.waiting)))
 
     def show(self, k: int, footprint: Footprint) -> None:
         """Close on a sensor's ground the closures of a tick.
@@ -184,8 +181,8 @@ class Closings:
 
     def at(self, k: int) -> tuple[frozenset[str], frozenset[str]]:
         """Return the closures that are closed in a tick, and those that wait until bodies are clear of them."""
-        index = bisect_right(self._ticks, k) - 1
-        return self._names[index], self._waiting[index]
+        _, closed, waiting = self._states[bisect_right(self._states, k, key=itemgetter(0)) - 1]
+        return closed, waiting
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""

@@ -12,11 +12,11 @@ open unless a fault of kind `close` closes it, which operators give too.
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from patrol.ground.marks import Look, Mark, mark_ground
 from patrol.ground.shapes import cover
@@ -26,12 +26,7 @@ from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in
 
 MOST_CLOSURES = 256
 
-Times = Annotated[
-    tuple[Span, ...],
-    Field(json_schema_extra={"minItems": 1, "maxItems": MOST_TIMES}),
-    at_least(1, "spans [from, to]"),
-    at_most(MOST_TIMES, "spans"),
-]
+Times = Annotated[tuple[Span, ...], at_least(1, "spans [from, to]"), at_most(MOST_TIMES, "spans")]
 
 
 class ClosureSpec(Section):
@@ -72,14 +67,10 @@ class ClosureSpec(Section):
 
 
 Closures = Annotated[
-    tuple[ClosureSpec, ...], Field(json_schema_extra={"maxItems": MOST_CLOSURES}), at_most(MOST_CLOSURES, "closures")
+    tuple[ClosureSpec, ...],
+    at_most(MOST_CLOSURES, "closures"),
+    listed_in_file("closures", "{name: door, polygon: ..., closed: [[60, 90]]}"),
 ]
-
-
-def closures_in_file(value: Any, info: ValidationInfo) -> Any:
-    """Read the list of closures that a field names by its file; leave any other value as it is."""
-    example = "{name: door, polygon: ..., closed: [[60, 90]]}"
-    return listed_in_file(value, info, "closures", example)
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:

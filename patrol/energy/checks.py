@@ -10,16 +10,17 @@ from patrol.errors import BadInput
 from patrol.values import wrong
 
 if TYPE_CHECKING:
-    from patrol.scenario.checked import CheckedGround, CheckedScenario
+    from patrol.prepare import Prepared
+    from patrol.scenario.model import Scenario
 
 
-def check_docks(scenario: CheckedScenario) -> None:
+def check_docks(scenario: Scenario) -> None:
     """Refuse docks where nothing charges."""
     if scenario.docks and all(spec.battery is None for spec in scenario.roster):
         raise wrong("docks", "no robot has a battery, so none ever charges; give robots.battery, or drop docks")
 
 
-def check_docks_on_ground(prepared: CheckedGround) -> None:
+def check_docks_on_ground(prepared: Prepared) -> None:
     """Refuse docks that no robot gets to, and robots that get to none."""
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields
     charged = [spec for spec in scenario.roster if spec.battery is not None]

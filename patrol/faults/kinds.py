@@ -21,6 +21,7 @@ from patrol.values import (
     Name,
     NotNegative,
     Number,
+    OneOf,
     Positive,
     Probability,
     RobotName,
@@ -40,8 +41,10 @@ STRANGER = "stranger"
 # --- how long a frame takes ------------------------------------------------------------------------------------------
 
 
-class Wait(Section):
+class Wait(OneOf):
     """The delay of frames: one of four distributions; drawn times below zero count as zero."""
+
+    CHOICE = "{constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}"
 
     constant: NotNegative | None = Field(None, description="s")
     uniform: Annotated[tuple[NotNegative, NotNegative], expecting("[least, most] in s")] | None = Field(
@@ -64,10 +67,7 @@ class Wait(Section):
         return parameters if isinstance(parameters, tuple) else (parameters,)
 
     @model_validator(mode="after")
-    def _one_of_four(self) -> Self:
-        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
-            choice = "{constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}"
-            raise wrong("", f"exactly one is needed: {choice}")
+    def _least_comes_first(self) -> Self:
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
             raise wrong("uniform", "the least value comes first; swap the two")
         return self
@@ -200,7 +200,7 @@ class Delay(OnLinks):
     """Frames arrive late."""
 
     kind: Literal["delay"] = Field(description=KIND)
-    delay: Wait = Field(description="s, {constant: S}, {uniform: [S, S]}, {normal: [MEAN, SD]} or {exponential: MEAN}")
+    delay: Wait = Field(description=f"s, {Wait.CHOICE}")
 
 
 class Duplicate(OnLinks):
@@ -219,11 +219,11 @@ class Reorder(OnLinks):
     hold: Positive | None = Field(None, description="s, how long a frame is held back; null: one step")
 
 
-Group = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names in a group")]
+Group = Annotated[tuple[RobotName, ...], at_least(1, "names in a group")]
 _GROUPS = "halves, one (against the rest) or a list of groups, each a list of names"
 Groups = Annotated[
     Annotated[Literal["halves", "one"], expecting(_GROUPS), Tag("=single")]
-    | Annotated[tuple[Group, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "groups"), Tag("=list")],
+    | Annotated[tuple[Group, ...], at_least(1, "groups"), Tag("=list")],
     by_shape(_GROUPS),
 ]
 
@@ -262,19 +262,15 @@ class Bandwidth(OnRobots, OnFrames):
     bytes_per_s: Positive = Field(description="bytes/s that each of them can send")
 
 
-class Forgery(Section):
+class Forgery(OneOf):
     """Content of a forged message, beyond freeze and random."""
+
+    CHOICE = "{offset: [DX, DY]}, {replay: S}, {invented: N} or {ahead: N}"
 
     offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
     replay: Positive | None = Field(None, description="s, age of the victim's frame that is sent again")
     invented: Count | None = Field(None, description="number of invented robots")
     ahead: Ticks | None = Field(None, description="ticks by which the sequence is ahead; the position is the true one")
-
-    @model_validator(mode="after")
-    def _only_one(self) -> Self:
-        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
-            raise wrong("", "exactly one is needed: {offset: [DX, DY]}, {replay: S}, {invented: N} or {ahead: N}")
-        return self
 
 
 _PAYLOAD = "{offset: [DX, DY]}, freeze, {replay: S}, random, {invented: N} or {ahead: N}"

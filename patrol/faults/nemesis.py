@@ -262,7 +262,6 @@ Kinds = Annotated[
     Annotated[Literal["all"], expecting(_KINDS), Tag("=single")]
     | Annotated[
         tuple[Annotated[KindName, expecting(f"one of {', '.join(DRAWN)}")], ...],
-        Field(json_schema_extra={"minItems": 1}),
         at_least(1, "kinds of faults"),
         Tag("=list"),
     ],

@@ -11,12 +11,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from enum import IntEnum
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Field, Tag
 
 from patrol.random import Purpose, draw
-from patrol.values import Count, RobotName, Section, Share, at_least, by_shape, expecting, wrong
+from patrol.values import Count, OneOf, RobotName, Share, at_least, by_shape, expecting, wrong
 
 WORDS = ("one", "minority", "half", "all")
 """Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""
@@ -36,21 +36,17 @@ Drawing = tuple[int, int, TargetField]
 """Arguments of a target's draw: the scenario's seed, the fault's place among all faults, and the field."""
 
 
-class Some(Section):
+class Some(OneOf):
     """A number of robots, or a share of all, drawn from the seed."""
+
+    CHOICE = "{count: N} or {fraction: SHARE}"
 
     count: Count | None = Field(None, description="how many robots")
     fraction: Share | None = Field(None, description="share of all robots, rounded half up, at least one")
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Self:
-        if (self.count is None) == (self.fraction is None):
-            raise wrong("", "exactly one is needed: {count: N} or {fraction: SHARE}")
-        return self
-
 
 WHO = "a robot's name, a list of names, one, minority, half, all, {count: N} or {fraction: SHARE}"
-Names = Annotated[tuple[RobotName, ...], Field(json_schema_extra={"minItems": 1}), at_least(1, "names")]
+Names = Annotated[tuple[RobotName, ...], at_least(1, "names")]
 Who = Annotated[
     Annotated[RobotName, expecting(WHO), Tag("=single")]
     | Annotated[Names, Tag("=list")]

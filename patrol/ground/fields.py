@@ -45,15 +45,20 @@ class StaticFields:
 
     def save(self, folder: Path) -> None:
         """Write the four arrays as .npy files into a folder, which is made when missing."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in GRIDS:
-            np.save(folder / f"{name}.npy", getattr(self, name))
+        save_grids(folder, self, GRIDS)
 
     @staticmethod
     def load(folder: Path) -> StaticFields:
         """Load the fields that `save` wrote into a folder, memory-mapped and read-only."""
         cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         return StaticFields(cspace, reach, patrolled, proxy)
+
+
+def save_grids(folder: Path, arrays: object, names: Sequence[str]) -> None:
+    """Write some attributes of an object as .npy files into a folder, which is made when missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        np.save(folder / f"{name}.npy", getattr(arrays, name))
 
 
 def load_grid(path: Path) -> NDArray[Any]:

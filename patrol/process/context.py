@@ -124,7 +124,7 @@ class ProcessContext:
         from patrol.net.link import Link
         from patrol.net.open_links import open_links
 
-        say = _say_nothing if quiet else self.log.info
+        say: Callable[[str], None] = (lambda _: None) if quiet else self.log.info
         links = open_links(met.router, radio, self.options.wait, say, self.leaving, met.credentials, callers)
         if links is None:
             raise AskedToLeave
@@ -224,7 +224,3 @@ def run_with(
 
 class PortTaken(BadInput):
     """Another process listens at a port; the starter of this process may try another port."""
-
-
-def _say_nothing(_line: str) -> None:
-    """Say nothing."""

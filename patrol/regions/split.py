@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import parts_of
-from patrol.ground.fields import StaticFields, load_grid
+from patrol.ground.fields import StaticFields, load_grid, save_grids
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.kernels.regions import fill, split_parts, spread
 from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
@@ -58,9 +58,7 @@ class RegionSplit:
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in GRIDS:
-            np.save(folder / f"{name}.npy", getattr(self, name))
+        save_grids(folder, self, GRIDS)
         links = [[link.x, link.y, link.regions, link.parts, link.points] for link in self.connections]
         facts = {"polygons": self.polygons, "connections": links}
         (folder / FACTS).write_text(json.dumps(facts), encoding="utf-8")

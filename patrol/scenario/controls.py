@@ -224,26 +224,23 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
         case Heal():
             return _heal_fault(scenario, k, control.id), f"{control.id} ends with tick {k}"
         case AddIntruder():
-            if len(scenario.intruders) >= MOST_INTRUDERS:
+            if (index := len(scenario.intruders)) >= MOST_INTRUDERS:
                 raise BadInput(f"control: intruder: this run has {MOST_INTRUDERS} intruders already and takes no more")
             entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
-            mapping = as_mapping(scenario)
-            mapping["intruders"] = [*mapping["intruders"], entry]
             x, y = control.place
-            return _load_mapping(mapping, len(scenario.faults)), (
-                f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
-            )
-        case SwitchZone(weight=float(weight)):
-            mapping, number = as_mapping(scenario), _zone_of(scenario, control.name)
-            mapping["zones"][number]["weights"] = _reweight_zone(scenario, k, scenario.zones[number], weight)
-            return _load_mapping(
-                mapping, len(scenario.faults)
-            ), f"{control.name} counts {weight:g} times from tick {k} on"
+            changed = _with_entry(scenario, "intruders", index, entry)
+            return changed, f"{intruder_name(index)} at ({x:g}, {y:g}) from tick {k} on"
         case SwitchZone():
-            mapping, number = as_mapping(scenario), _zone_of(scenario, control.name)
-            mapping["zones"][number]["times"] = _switch_zone(scenario, k, scenario.zones[number], bool(control.on))
-            state = "in force" if control.on else "out of force"
-            return _load_mapping(mapping, len(scenario.faults)), f"{control.name} is {state} from tick {k} on"
+            index, zone = _find_zone(scenario, control.name)
+            change: dict[str, Any]
+            if control.weight is not None:
+                change = {"weights": _reweight_zone(scenario, k, zone, control.weight)}
+                does = f"counts {control.weight:g} times"
+            else:
+                change = {"times": _switch_zone(scenario, k, zone, bool(control.on))}
+                does = "is in force" if control.on else "is out of force"
+            changed = _with_entry(scenario, "zones", index, _plain(zone) | change)
+            return changed, f"{control.name} {does} from tick {k} on"
     return scenario, ""
 
 
@@ -271,7 +268,7 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
     scenario's own.
     """
     return tuple(
-        fault.model_dump(mode="json", exclude_none=True)
+        _plain(fault)
         for fault in scenario.faults[first:]
         if isinstance(fault, Lasting)
         and fault.acts_on != "processes"
@@ -318,8 +315,10 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
         raise BadInput(f"control: fault: this run has {MOST_FAULTS} faults already and takes no more")
     if control.instead is not None and _intruder_of(scenario, control.instead) is not None:
         raise BadInput(f"control: instead = {control.instead}: an intruder is no fault to replace; heal it")
-    if control.instead is not None and not _is_over(scenario, k, control.instead):
-        scenario = _heal_fault(scenario, k, control.instead)
+    if control.instead is not None:
+        _, replaced = _find_fault(scenario, control.instead)
+        if not (isinstance(replaced, Lasting) and _has_ended(replaced, scenario.step, k)):
+            scenario = _heal_fault(scenario, k, control.instead)
     entry = dict(control.fault)
     delay_s = entry.get("at", 0.0)
     if isinstance(delay_s, bool) or not isinstance(delay_s, int | float) or not 0.0 <= delay_s <= LARGEST:
@@ -329,10 +328,9 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:
         if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
             scenario = _heal_fault(scenario, begin, str(before.id))
-    entry.setdefault("id", _fresh_name([fault.id for fault in scenario.faults]))
-    mapping = as_mapping(scenario)
-    mapping["faults"] = [*mapping["faults"], entry]
-    extended = _load_mapping(mapping, len(scenario.faults))
+    known_ids = {fault.id for fault in scenario.faults}
+    entry.setdefault("id", next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in known_ids))
+    extended = _with_entry(scenario, "faults", len(scenario.faults), entry)
     fault = extended.faults[-1]
     if isinstance(fault, OnClosure):
         return extended, f"{fault.id} {fault.kind} {fault.closure} from tick {begin} on; heal {fault.id} takes it back"
@@ -345,20 +343,18 @@ def _heal_fault(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
     if (number := _intruder_of(scenario, name)) is not None:
         return _without_intruder(scenario, k, number)
-    index, fault = _find_entry(scenario, name)
+    index, fault = _find_fault(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
     begin = tick_of(fault.at, scenario.step)
     if begin > k:
         raise BadInput(f"control: id = {name}: it has not begun yet; it begins at {fault.at:g} s")
-    if _is_over(scenario, k, name):
+    if _has_ended(fault, scenario.step, k):
         raise BadInput(f"control: id = {name}: it has ended already")
-    mapping = as_mapping(scenario)
+    entry = _plain(fault) | {"for": (k - begin) * scenario.step}
     if begin == k:
-        mapping["faults"][index] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
-    else:
-        mapping["faults"][index]["for"] = (k - begin) * scenario.step
-    return _load_mapping(mapping, index)
+        entry = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
+    return _with_entry(scenario, "faults", index, entry)
 
 
 def _intruder_of(scenario: Scenario, name: str) -> int | None:
@@ -378,20 +374,18 @@ def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
         if intruder.at > k * step:
             raise BadInput(f"{where}: it has not come yet; it comes at {intruder.at:g} s")
         raise BadInput(f"{where}: it has left already")
-    mapping = as_mapping(scenario)
-    entry = mapping["intruders"][place]
-    entry["for"] = k * step - intruder.at
-    if entry["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
-        entry["at"], entry["for"] = (k + 0.25) * step, 0.25 * step
-    return _load_mapping(mapping, len(scenario.faults))
+    times = {"for": k * step - intruder.at}
+    if times["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
+        times = {"at": (k + 0.25) * step, "for": 0.25 * step}
+    return _with_entry(scenario, "intruders", place, _plain(intruder) | times)
 
 
-def _zone_of(scenario: Scenario, name: str) -> int:
-    """Find the place of a zone in the scenario's list."""
+def _find_zone(scenario: Scenario, name: str) -> tuple[int, ZoneSpec]:
+    """Find a zone, and its place in the scenario's list."""
     names = [zone.name for zone in scenario.zones]
     if name not in names:
         raise BadInput(f"control: name = {name}: {did_you_mean(name, names) if names else 'this run has no zones'}")
-    return names.index(name)
+    return names.index(name), scenario.zones[names.index(name)]
 
 
 def _switch_zone(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Span, ...]:
@@ -423,12 +417,6 @@ def _reweight_zone(scenario: Scenario, k: int, zone: ZoneSpec, weight: float) ->
     return [*(entry for entry in weights if tick_of(entry[0], scenario.step) < k), (begin, weight)]
 
 
-def _is_over(scenario: Scenario, k: int, name: str) -> bool:
-    """Return True if a lasting fault has ended before tick k or does so anyway."""
-    _, fault = _find_entry(scenario, name)
-    return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
-
-
 def _is_active(fault: Lasting, step: float, k: int) -> bool:
     return tick_of(fault.at, step) <= k and not _has_ended(fault, step, k)
 
@@ -437,18 +425,13 @@ def _has_ended(fault: Lasting, step: float, k: int) -> bool:
     return fault.lasts is not None and tick_of(fault.at, step) + ticks_of(fault.lasts, step) <= k
 
 
-def _find_entry(scenario: Scenario, name: str) -> tuple[int, Any]:
+def _find_fault(scenario: Scenario, name: str) -> tuple[int, Any]:
     for index, fault in enumerate(scenario.faults):
         if fault.id == name:
             return index, fault
     names = [str(fault.id) for fault in scenario.faults]
     names += [intruder_name(index) for index in range(len(scenario.intruders))]
     raise BadInput(f"control: id = {name}: no such fault or intruder; the latest are {', '.join(names[-8:]) or 'none'}")
-
-
-def _fresh_name(taken: Iterable[str | None]) -> str:
-    names = set(taken)
-    return next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in names)
 
 
 def _time_of(k: int, step: float) -> float:
@@ -462,6 +445,13 @@ def _time_of(k: int, step: float) -> float:
     return exact
 
 
-def _load_mapping(mapping: Mapping[str, Any], place: int) -> Scenario:
-    """Load the scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
-    return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})
+def _plain(section: Section) -> dict[str, Any]:
+    return section.model_dump(mode="json", exclude_none=True)
+
+
+def _with_entry(scenario: Scenario, section: str, place: int, entry: Mapping[str, Any]) -> Scenario:
+    """Return the scenario with another entry at a place of a list, or after the last one."""
+    mapping = as_mapping(scenario)
+    mapping[section][place : place + 1] = [entry]
+    aliases = {f"faults.{place}": "fault"} if section == "faults" else {}
+    return load_scenario(mapping, called="control", aliases=aliases)

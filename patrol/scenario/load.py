@@ -79,15 +79,14 @@ def load_scenario(
     follows its ground; False for a stranger's scenario that is only looked at. No other file that a scenario names is
     opened here. BadInput is one line that names the file, the field, the value and the remedy.
     """
+    name = text = None
     if isinstance(source, Mapping):
-        raw = copy.deepcopy(dict(source))
-        scenario = _resolve_scenario(
-            raw, overrides or {}, called, base or Path.cwd(), None, None, opens_classes, aliases
-        )
+        raw, base = copy.deepcopy(dict(source)), base or Path.cwd()
     else:
         path = Path(source)
         raw, text = _read_mapping(path)
-        scenario = _resolve_scenario(raw, overrides or {}, str(path), path.parent, path.stem, text, opens_classes)
+        called, base, name = str(path), path.parent, path.stem
+    scenario = _resolve_scenario(raw, overrides or {}, called, base, name, text, opens_classes, aliases or {})
     return scenario.with_digests() if opens_classes else scenario
 
 
@@ -214,7 +213,7 @@ def _resolve_scenario(
     name: str | None,
     text: str | None,
     opens_classes: bool,
-    aliases: Mapping[str, str] | None = None,
+    aliases: Mapping[str, str],
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
     patrol = raw.get("patrol")
@@ -240,10 +239,10 @@ def _resolve_scenario(
         if follows and opens_classes:
             raw["step"] = automatic_step(scenario.terrain, scenario.point, scenario.roster, scenario.radio)
             scenario = Scenario.model_validate(raw, context=context)
-        scenario = _with_lengths(written_out(scenario))
+        scenario = _with_lengths(_written_out(scenario))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(line_of, text)
-        raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
+        raise BadInput(one_line(error, source, tuple(overrides), places, aliases)) from None
     return with_assumed(scenario, assumed)
 
 
@@ -348,23 +347,15 @@ SHORTEST_FAULT, LONGEST_FAULT = 0.3, 2.0
 """Shortest and longest time of a fault, in intervals."""
 
 
-def written_out(scenario: Scenario) -> Scenario:
-    """Replace a scenario's nemesis by concrete faults, after those that it has."""
-    if scenario.nemesis is None:
-        return scenario
-    mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
-    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + drawn_faults(scenario)})
+def _written_out(scenario: Scenario) -> Scenario:
+    """Replace a scenario's nemesis by concrete faults, by the intervals they begin in, after those that it has.
 
-
-def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
-    """Draw the concrete faults of a scenario's nemesis, by the intervals they begin in.
-
-    They are entries of the scenario's `faults`. They depend on the nemesis, the roster, the seed, the step and the
-    duration, and on spare robots that the scenario's own faults let join or leave.
+    They depend on the nemesis, the roster, the seed, the step and the duration, and on spare robots that the scenario's
+    own faults let join or leave.
     """
     spec, step = scenario.nemesis, scenario.step
     if spec is None:
-        return []
+        return scenario
     end, width = room_for(spec, step, scenario.ticks)
     seed = scenario.seed if spec.seed is None else spec.seed
     kinds = tuple(DRAWN) if spec.kinds == "all" else spec.kinds
@@ -379,7 +370,8 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
         if begin < end:
             when = When(step, begin, min(end, begin + length))
             drawn += _number_faults(draw_fault(draws, kinds, robots, when), slot + 1, taken_ids)
-    return drawn
+    mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
+    return Scenario.model_validate(mapping | {"faults": mapping["faults"] + drawn})
 
 
 def _coming_and_going(scenario: Scenario) -> set[str]:

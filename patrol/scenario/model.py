@@ -13,10 +13,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from patrol.closures.checks import check_closures
-from patrol.closures.spec import Closures, closures_in_file
+from patrol.closures.spec import Closures
 from patrol.energy.checks import check_docks
 from patrol.energy.spec import DockSpec
 from patrol.faults.kinds import Faults
@@ -32,7 +32,7 @@ from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, RobotSpec
 from patrol.scenario.step import PAPER_STEP
 from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, Step, wrong
 from patrol.zones.checks import check_zones
-from patrol.zones.spec import Zones, zones_in_file
+from patrol.zones.spec import Zones
 
 
 class Scenario(Section):
@@ -66,16 +66,6 @@ class Scenario(Section):
     )
     faults: Faults = Field((), description="what goes wrong, and when")
     nemesis: NemesisSpec | None = Field(None, description="random faults, written out when this file is loaded")
-
-    @field_validator("zones", mode="before")
-    @classmethod
-    def _zones_from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
-        return zones_in_file(value, info)
-
-    @field_validator("closures", mode="before")
-    @classmethod
-    def _closures_from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
-        return closures_in_file(value, info)
 
     @cached_property
     def roster(self) -> tuple[RobotSpec, ...]:

@@ -41,7 +41,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from patrol.classes.class_file import FIELD as WEIGHTS_FIELD
 from patrol.classes.class_file import ClassSection, class_check, weights_content, weights_digest
@@ -286,7 +286,9 @@ class LearnedOptions(Section):
     Without `weights` they are what a learning environment offers, whose actions come from outside.
     """
 
-    weights: str | None = Field(None, description="FILE.npz or FILE.onnx beside this file, the trained network")
+    weights: Annotated[str, AfterValidator(absolute)] | None = Field(
+        None, description="FILE.npz or FILE.onnx beside this file, the trained network"
+    )
     weights_sha256: Digest | None = Field(None, description="of that file; filled in when this file is loaded")
     inputs: tuple[LearnedInput, ...] = Field(
         LEARNED_INPUTS, min_length=1, description=f"what it sees, in this order: {', '.join(LEARNED_INPUTS)}"
@@ -298,11 +300,6 @@ class LearnedOptions(Section):
     decide: Literal["tick", "arrival"] = Field("tick", description="tick | arrival (with actions: place or node)")
     window: int = Field(21, ge=3, le=201, description="points, odd, side of the window of `fog`")
     heard: int = Field(4, ge=1, le=64, description="positions in `heard`, the nearest robots")
-
-    @field_validator("weights")
-    @classmethod
-    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return absolute(value, info)
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -401,16 +398,6 @@ class PatrolSpec(ClassSection):
     blocked_memory: Positive = Field(
         BLOCKED_MEMORY_S, description="s after which a robot forgets ground blocked by a closure or a robot not heard"
     )
-
-    @model_validator(mode="after")
-    def _a_file_has_a_hash(self) -> Self:
-        self.check_digest()
-        return self
-
-    @property
-    def sums_forces(self) -> bool:
-        """True for the paper's policy, by which ways are as long there as back."""
-        return self.policy == PAPER
 
     @property
     def needs_rounds(self) -> bool:

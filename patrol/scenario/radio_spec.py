@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from patrol.classes.class_file import ClassSection, class_check
 from patrol.radio.allowance import BITS, Share
@@ -34,7 +34,6 @@ from patrol.values import (
     Section,
     Trail,
     TrailEvery,
-    absolute,
     expecting,
     wrong,
 )
@@ -114,14 +113,8 @@ class RadioSpec(ClassSection):
     budget: BudgetSpec | None = Field(None, description="{bits_per_s: 1200}, for the whole fleet; null: no limit")
     adaptive: AdaptiveSpec | None = Field(None, description="{error: 2}, m; null: a robot sends in each tick if it may")
 
-    @field_validator("key")
-    @classmethod
-    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return absolute(value, info)
-
     @model_validator(mode="after")
-    def _a_file_has_a_hash(self) -> Self:
-        self.check_digest()
+    def _decides_in_the_ether(self) -> Self:
         if self.via == "direct" and self.model != IDEAL:
             problem = (
                 "decides what reaches whom in the ether, and radio.via is direct; leave it out, or set via to ether"

@@ -115,14 +115,9 @@ class TerrainSpec(Section):
         if not isinstance(file, str) or settings.keys() & {"vertices", "edges"}:
             raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
-            return {**read_graph(Path(str(absolute(file, info))), _image_of(info.data.get("map"))), **settings}
+            return {**read_graph(Path(absolute(file, info)), _image_of(info.data.get("map"))), **settings}
         except BadInput as error:
             raise wrong("", str(error)) from None
-
-    @field_validator("map")
-    @classmethod
-    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return absolute(value, info)
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -200,9 +195,7 @@ class RobotEntry(Body):
     spare: Flag | None = Field(None, description="true: absent until it joins")
 
 
-RobotList = Annotated[
-    tuple[RobotEntry, ...], Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}), at_least(1, "robots")
-]
+RobotList = Annotated[tuple[RobotEntry, ...], Field(max_length=MAX_ROBOTS), at_least(1, "robots")]
 _GROUP_OR_LIST = "a group of equal robots, {count: 5, model: car, ...}, or a list with one entry per robot"
 Robots = Annotated[
     Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")], by_shape(_GROUP_OR_LIST)
@@ -261,7 +254,6 @@ class SensorSpec(ClassSection):
                 if getattr(self, field) != type(self).model_fields[field].default:
                     remedy = f"drop it, or name it in sensor.options if {self.kind.rpartition(':')[2]} has such a one"
                     raise wrong(field, f"is a setting of the kinds {' and '.join(BUILT_IN_SENSORS)}; {remedy}")
-        self.check_digest()
         return self
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
@@ -333,30 +325,26 @@ class RobotSpec:
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     """List the robots of a scenario in the order of their numbers, 1..N."""
     if not isinstance(robots, tuple):
-        starts = () if robots.starts == "random" else robots.starts
-        poses = [*map(_read_pose, starts), *[None] * (robots.whole - len(starts))]
-        return [_make_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+        explicit = () if robots.starts == "random" else robots.starts
+        starts = [*explicit, *["random"] * (robots.whole - len(explicit))]
+        return [_make_spec(number, robots, start, number > robots.count) for number, start in enumerate(starts, 1)]
     return [
-        _make_spec(
-            number,
-            entry,
-            None if entry.start == "random" else _read_pose(entry.start),
-            bool(entry.spare),
-            name=entry.name,
-            section=f"robots.{number - 1}",
-        )
-        for number, entry in enumerate(robots, start=1)
+        _make_spec(number, entry, entry.start, bool(entry.spare), entry.name, f"robots.{number - 1}")
+        for number, entry in enumerate(robots, 1)
     ]
 
 
 def _make_spec(
-    number: int, body: Body, start: Pose | None, spare: bool, name: str | None = None, section: str = "robots"
+    number: int,
+    body: Body,
+    start: tuple[float, ...] | str,
+    spare: bool,
+    name: str | None = None,
+    section: str = "robots",
 ) -> RobotSpec:
-    name = name or f"r{number}"
+    pose = None
+    if not isinstance(start, str):
+        x, y, heading = (*start, 0.0)[:3]
+        pose = Pose(x, y, wrap(heading))
     shape = body.model, body.speed, body.radius, body.turning_radius
-    return RobotSpec(number, name, *shape, start, spare, body.battery, section)
-
-
-def _read_pose(place: tuple[float, ...]) -> Pose:
-    x, y, heading = (*place, 0.0)[:3]
-    return Pose(x, y, wrap(heading))
+    return RobotSpec(number, name or f"r{number}", *shape, pose, spare, body.battery, section)

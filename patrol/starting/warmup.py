@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policies import LEARNED  # here, as processes that compile need no scenario
-
-    return not scenario.patrol.needs_rounds and scenario.patrol.policy != LEARNED
+    return not scenario.patrol.needs_rounds and not _is_learned(scenario)
 
 
 def _needs_dilation(scenario: Scenario) -> bool:
@@ -39,7 +37,7 @@ def _needs_dilation(scenario: Scenario) -> bool:
 
 
 def _is_learned(scenario: Scenario) -> bool:
-    from patrol.scenario.policies import LEARNED
+    from patrol.scenario.policies import LEARNED  # here, as processes that compile need no scenario
 
     return scenario.patrol.policy == LEARNED
 
@@ -48,17 +46,13 @@ def _has_regions(scenario: Scenario) -> bool:
     return scenario.patrol.paths == "regions"
 
 
-def _goes_straight(scenario: Scenario) -> bool:
-    return scenario.patrol.paths == "straight"
-
-
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.kernels.changes": _needs_dilation,
     "agent.kernels.dilate": _needs_dilation,
     "agent.kernels.surroundings": _is_learned,
     "agent.kernels.force": _follows_forces,
     "agent.kernels.region_paths": _has_regions,
-    "agent.kernels.straight": _goes_straight,
+    "agent.kernels.straight": lambda scenario: scenario.patrol.paths == "straight",
     "patrol.kernels.doors": lambda _: False,  # where a random start may be shut in
     "patrol.kernels.regions": _has_regions,
 }

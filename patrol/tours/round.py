@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.files.whole_file import replacing
-from patrol.ground.fields import load_grid
+from patrol.ground.fields import load_grid, save_grids
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.ways import framed
 from patrol.tours.cover import Looks
@@ -73,10 +73,7 @@ class Round:
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files into a folder, which is made when missing."""
-        folder.mkdir(parents=True, exist_ok=True)
-        np.save(folder / "length_m.npy", np.float64(self.length_m))
-        for name in ARRAYS:
-            np.save(folder / f"{name}.npy", getattr(self, name))
+        save_grids(folder, self, ("length_m", *ARRAYS))
         if self.stations is not None:
             self.stations.save(folder / STATIONS)
 
@@ -232,9 +229,7 @@ class Stations:
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files into a folder, which is made when missing."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in STATION_ARRAYS:
-            np.save(folder / f"{name}.npy", getattr(self, name))
+        save_grids(folder, self, STATION_ARRAYS)
 
     @staticmethod
     def load(folder: Path) -> Stations | None:

@@ -12,11 +12,12 @@ from patrol.zones.ground import points_of
 from patrol.zones.spec import check_names, check_ticks
 
 if TYPE_CHECKING:
-    from patrol.scenario.checked import CheckedGround, CheckedScenario
+    from patrol.prepare import Prepared
+    from patrol.scenario.model import Scenario
     from patrol.zones.spec import ZoneSpec
 
 
-def check_zones(scenario: CheckedScenario) -> None:
+def check_zones(scenario: Scenario) -> None:
     """Refuse zones that do nothing in a scenario, whatever its ground, or do not fit the rest of it."""
     fastest = max(spec.speed for spec in scenario.roster)
     for number, zone in enumerate(scenario.zones):
@@ -28,7 +29,7 @@ def check_zones(scenario: CheckedScenario) -> None:
     check_names([zone.name for zone in scenario.zones], "zone")
 
 
-def _check_weights(field: str, zone: ZoneSpec, scenario: CheckedScenario) -> None:
+def _check_weights(field: str, zone: ZoneSpec, scenario: Scenario) -> None:
     """Refuse later weights that never hold."""
     ticks = [*(tick_of(start_s, scenario.step) for start_s, _ in zone.weights or ()), scenario.ticks]
     for (start_s, weight), (tick, after) in zip(zone.weights or (), pairwise(ticks), strict=True):
@@ -38,7 +39,7 @@ def _check_weights(field: str, zone: ZoneSpec, scenario: CheckedScenario) -> Non
             raise wrong(field, limit)
 
 
-def check_zones_on_ground(prepared: CheckedGround) -> None:
+def check_zones_on_ground(prepared: Prepared) -> None:
     """Refuse zones in which nothing is patrolled or slowed."""
     scenario, terrain = prepared.scenario, prepared.terrain
     by_radius = dict(sorted({spec.radius: prepared.fields[spec.number] for spec in scenario.roster}.items()))

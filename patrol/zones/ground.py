@@ -4,62 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
-from patrol.ground.shapes import Polygon, cover, touched_points
+from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import BoolGrid, Terrain
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-
-class Mask(Protocol):
-    """The marked cells of a mask."""
-
-    @property
-    def resolution(self) -> float:
-        """Side of a cell, m."""
-        ...
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """x and y of the lower left corner, m."""
-        ...
-
-    def marked(self) -> BoolGrid:
-        """bool (rows, columns), the lowest row first."""
-        ...
+    from patrol.zones.spec import ZoneSpec
 
 
-class Zone(Protocol):
-    """The place of a zone: a scenario's `patrol.zones.spec.ZoneSpec`."""
-
-    @property
-    def name(self) -> str:
-        """Of the zone."""
-        ...
-
-    @property
-    def polygon(self) -> Polygon | None:
-        """Corners in m; None where there is a mask."""
-        ...
-
-    @property
-    def mask(self) -> Mask | None:
-        """The mask; None where there is a polygon."""
-        ...
-
-    @property
-    def keep_out(self) -> bool | None:
-        """True where no body may enter."""
-        ...
-
-
-def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
+def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
     """Return the points that share some area with a zone.
 
     A zone's mask may have another resolution and another origin than the terrain.
@@ -72,7 +32,7 @@ def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
 
 
-def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
+def with_zones(terrain: Terrain, zones: Iterable[ZoneSpec]) -> Terrain:
     """Return the terrain without the ground that zones keep bodies out of."""
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
@@ -94,15 +54,6 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
     return zoned
 
 
-class SlowZone(Zone, Protocol):
-    """A zone that may have a top speed: a scenario's `patrol.zones.spec.ZoneSpec`."""
-
-    @property
-    def speed(self) -> float | None:
-        """Top speed, m/s; None where the zone limits none."""
-        ...
-
-
 class SpeedLimits:
     """The top speeds of a terrain's slow zones, point by point as for all zones.
 
@@ -110,7 +61,7 @@ class SpeedLimits:
     force and 0.3 m/s with `ward` alone.
     """
 
-    def __init__(self, zones: Iterable[SlowZone], terrain: Terrain) -> None:
+    def __init__(self, zones: Iterable[ZoneSpec], terrain: Terrain) -> None:
         """Lay the slow zones over the grid."""
         self._terrain = terrain
         self._slow = [(zone.name, zone.speed, points_of(zone, terrain)) for zone in zones if zone.speed is not None]

@@ -24,7 +24,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
@@ -65,11 +65,7 @@ Weight = Annotated[
 MOST_TIMES = 10_000
 """Times of one zone or closure, at most."""
 
-Weights = Annotated[
-    tuple[tuple[NotNegative, Weight], ...],
-    Field(json_schema_extra={"maxItems": MOST_TIMES}),
-    at_most(MOST_TIMES, "weights"),
-]
+Weights = Annotated[tuple[tuple[NotNegative, Weight], ...], at_most(MOST_TIMES, "weights")]
 
 MOST_NAMED = 4
 """Times of a zone that are named to people, at most, and its later weights."""
@@ -80,7 +76,7 @@ Span = tuple[NotNegative, NotNegative]
 Weighing = frozenset[tuple[str, float | None]]
 """The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 
-Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
+Spans = Annotated[tuple[Span, ...], at_most(MOST_TIMES, "spans")]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -160,7 +156,7 @@ class ZoneSpec(Section):
         if not isinstance(value, str):
             return value
         try:
-            return MaskSpec.of(Path(str(absolute(value, info))))
+            return MaskSpec.of(Path(absolute(value, info)))
         except BadInput as error:
             raise wrong("", str(error)) from None
 
@@ -315,42 +311,36 @@ def has_area(polygon: Sequence[tuple[float, float]]) -> bool:
     return any(abs(across * to_up - up * to_across) > 1e-9 * (across**2 + up**2) for to_across, to_up in sides)
 
 
-Zones = Annotated[tuple[ZoneSpec, ...], Field(json_schema_extra={"maxItems": MOST_ZONES}), at_most(MOST_ZONES, "zones")]
+def listed_in_file(key: str, example: str) -> BeforeValidator:
+    """Let a field name the YAML file that holds its list; any other value stays as it is.
 
-
-def zones_in_file(value: Any, info: ValidationInfo) -> Any:
-    """Read the list of zones that a field names by its file; leave any other value as it is.
-
-    The file holds a list, or a mapping with a list ``zones``, such as a scenario. Masks lie relative to it.
+    The file holds a list, or a mapping with a list named `key`, the field's name, such as a scenario. The masks of its
+    entries lie relative to it. `example` is an entry, for the error.
     """
-    listed = listed_in_file(value, info, "zones", "{name: vault, polygon: ..., weight: 10}")
-    return (
-        [_path_beside(entry, Path(str(absolute(value, info))).parent) for entry in listed]
-        if listed is not value
-        else value
-    )
+
+    def read(value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, str):
+            return value
+        path = Path(absolute(value, info))
+        try:
+            says = parse_yaml(read_text(path), str(path))
+        except BadInput as error:
+            raise wrong("", str(error)) from None
+        listed = says.get(key) if isinstance(says, dict) else says
+        if not isinstance(listed, list):
+            raise wrong("", f"{path}: holds no list of {key}; write for example '- {example}'")
+        return [
+            {**entry, "mask": str((path.parent / entry["mask"]).absolute())}
+            if isinstance(entry, dict) and isinstance(entry.get("mask"), str)
+            else entry
+            for entry in listed
+        ]
+
+    return BeforeValidator(read)
 
 
-def listed_in_file(value: Any, info: ValidationInfo, key: str, example: str) -> Any:
-    """Read the list that a field names by its YAML file; leave any other value as it is.
-
-    The file holds a list, or a mapping with a list named `key`, the field's name, such as a scenario. `example` is an
-    entry, for the error.
-    """
-    if not isinstance(value, str):
-        return value
-    path = Path(str(absolute(value, info)))
-    try:
-        says = parse_yaml(read_text(path), str(path))
-    except BadInput as error:
-        raise wrong("", str(error)) from None
-    listed = says.get(key) if isinstance(says, dict) else says
-    if not isinstance(listed, list):
-        raise wrong("", f"{path}: holds no list of {key}; write for example '- {example}'")
-    return listed
-
-
-def _path_beside(entry: Any, folder: Path) -> Any:
-    if isinstance(entry, dict) and isinstance(entry.get("mask"), str):
-        return {**entry, "mask": str((folder / entry["mask"]).absolute())}
-    return entry
+Zones = Annotated[
+    tuple[ZoneSpec, ...],
+    at_most(MOST_ZONES, "zones"),
+    listed_in_file("zones", "{name: vault, polygon: ..., weight: 10}"),
+]
