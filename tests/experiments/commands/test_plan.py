@@ -12,8 +12,8 @@ from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
 from patrol.scenario import load_scenario
+from tests.cells import write_cells
 from tests.experiments.commands.conftest import Command, output, refuses
-from tests.ring import write_cells
 
 BODY = ["--model", "holonomic", "--radius", "0.3", "--speed", "1", "--point", "0.5", "--sensor-range", "4"]
 

@@ -15,8 +15,8 @@ from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario
+from tests.cells import write_cells
 from tests.present import present
-from tests.ring import write_cells
 
 
 def silent(what: str, done: float) -> None:

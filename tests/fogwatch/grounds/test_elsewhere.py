@@ -11,7 +11,7 @@ import pytest
 from fogwatch.inprocess import run_in_process
 from patrol.journal.records import TickRecord
 from patrol.scenario import load_scenario
-from tests.ring import write_cells
+from tests.cells import write_cells
 
 ORIGINS = ((0.0, 0.0), (-64.0, 32.0))
 BODY = {"model": "holonomic", "radius": 0.3, "speed": 1.0}

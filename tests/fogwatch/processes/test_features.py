@@ -9,7 +9,6 @@ import pytest
 
 import fogwatch
 from tests.fleets import COARSE, one_and_many
-from tests.ring import LOWER, UPPER, zone
 
 pytestmark = pytest.mark.processes
 
@@ -27,7 +26,6 @@ CLOSURES = [
     {"name": "wall", "polygon": [[50, 0], [51, 0], [51, 88], [50, 88]], "closed": [[5, 40]]},
     {"name": "box", "polygon": [[20, 40], [24, 40], [24, 44], [20, 44]], "closes": 0.1, "opens": 0.1},
 ]
-ALONG = {"point": 0.5, "sensor": {"range": 3}, "zones": [zone("aisle", LOWER, 0), zone("back", UPPER, 180)]}
 
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "batteries": (
