@@ -43,6 +43,12 @@ def convex_pieces(terrain: Terrain) -> list[Floats]:
     return [shapely.get_coordinates(piece.exterior)[:-1] for piece in pieces.merged()]
 
 
+def nearest_pieces(pieces: list[Floats], places: Floats) -> NDArray[np.int32]:
+    """Return the index of the piece that is nearest to each place, float64 (n, 2), in points."""
+    tree = shapely.STRtree([shapely.Polygon(piece) for piece in pieces])
+    return np.asarray(tree.nearest(shapely.points(places)), dtype=np.int32)
+
+
 class _Pieces:
     """Convex polygons side by side, and the boxes around them."""
 

@@ -82,14 +82,18 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
     Connections lie where a body's centre may be: at the points of `body`, or at all free points when it is None.
     """
     try:
-        from patrol.regions.pieces import convex_pieces  # here: its library is an extra
+        from patrol.regions.pieces import convex_pieces, nearest_pieces  # here: its library is an extra
     except ImportError:
         raise BadInput(
             "patrol.options.paths = regions: splitting a terrain needs shapely; install it with: "
             "pip install 'fogwatch[experiments]', or give patrol.options.regions"
         ) from None
     polygons = convex_pieces(terrain) if terrain.free.any() else []
-    return _make_split(terrain, polygons, _label_points(terrain, polygons), body)
+    labels = _label_points(terrain, polygons)
+    rows, cols = np.nonzero(terrain.free & (labels < 0))
+    if rows.size:
+        labels[rows, cols] = nearest_pieces(polygons, np.stack([cols, rows], axis=1).astype(np.float64) + 0.5)
+    return _make_split(terrain, polygons, labels, body)
 
 
 def regions_by_hand(

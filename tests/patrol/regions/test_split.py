@@ -21,6 +21,7 @@ from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.maps.builtins import builtin_terrain
 from patrol.maps.load import read_terrain
 from patrol.prepare import Prepared, prepare
+from patrol.regions.pieces import SMOOTHED
 from patrol.regions.split import RegionSplit, regions_by_hand, split_regions
 from patrol.scenario import load_scenario
 
@@ -56,8 +57,7 @@ def check_split(terrain: Terrain, split: RegionSplit) -> None:
     for number, polygon in enumerate(polygons):
         rows, cols = np.nonzero(split.labels == number)
         away = shapely.distance(polygon, shapely.points(cols + 0.5, rows + 0.5))
-        assert away.max() <= 1.5
-        assert np.count_nonzero(away > 1e-5) <= max(3, 0.02 * rows.size)
+        assert away.max() <= SMOOTHED
         west, south, east, north = (int(bound) for bound in polygon.bounds)
         rows, cols = np.nonzero(walls[south : north + 1, west : east + 1])
         inside = shapely.contains_xy(polygon, cols + west + 0.5, rows + south + 0.5)
@@ -115,7 +115,7 @@ def test_real_maps(name: str, point: float) -> None:
     split = split_regions(terrain, body)
     check_split(terrain, split)
     check_connections(terrain, split, body)
-    assert len(split.polygons) <= 100
+    assert len(split.polygons) <= 120
     assert islands(split) == parts_of(body)[1]
 
 
@@ -240,7 +240,8 @@ def test_what_was_found_can_be_given(name: str) -> None:
     found = split_regions(terrain)
     given_back = regions_by_hand(terrain, found.polygons)
     assert len(given_back.polygons) == len(found.polygons)
-    assert np.count_nonzero(given_back.labels != found.labels) <= 0.002 * found.labels.size
+    # Centres on a border, of which diagonals of the triangles have many, may go to either side.
+    assert np.count_nonzero(given_back.labels != found.labels) <= 0.02 * found.labels.size
 
 
 @pytest.mark.parametrize(
