@@ -212,7 +212,7 @@ def fleet_of(
     prepared = world.prepared
     kind = kind or policy_of(prepared.scenario)
     if numbers is None:
-        numbers = [spec.number for spec in prepared.scenario.roster]
+        numbers = prepared.scenario.numbers
     shared = shared_by(prepared, footprint, believers=numbers if share else ())
     make = mind_maker(prepared, shared, kind)
     minds: dict[int, Mind] = {}
@@ -269,7 +269,7 @@ def run_in_process(
         def make_part(numbers: Sequence[int], failure: PolicyFailure) -> InProcessFleet:
             return fleet_of(world, footprint, share=share, failure=failure, numbers=numbers)
 
-        fleet = Workers(workers, [spec.number for spec in prepared.scenario.roster], make_part, failure)
+        fleet = Workers(workers, prepared.scenario.numbers, make_part, failure)
     else:
         fleet = fleet_of(world, footprint, share=share, failure=failure)
         minds = fleet.minds

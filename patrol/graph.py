@@ -369,18 +369,19 @@ def _way_lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray
     Ways are searched for up to a length first. A longer one leads through other places then, which does not matter:
     places that have another one in between are no neighbours.
     """
+    from patrol.ground.ways import framed
     from patrol.kernels.clearance import label_parts
     from patrol.kernels.ways import FAR, lengths_between
 
-    framed = np.pad(part, 1).view(np.uint8)
+    is_open = framed(part)
     lengths = np.empty((rows.size, rows.size), dtype=np.int32)
-    places = (rows + 1) * framed.shape[1] + cols + 1
-    labels = np.empty(framed.shape, dtype=np.int32)
-    label_parts(framed, labels, np.empty(framed.size, dtype=np.int32))
+    places = (rows + 1) * is_open.shape[1] + cols + 1
+    labels = np.empty(is_open.shape, dtype=np.int32)
+    label_parts(is_open, labels, np.empty(is_open.size, dtype=np.int32))
     of_part = np.bincount(labels.reshape(-1)[places])
     apart = rows.size**2 - int((of_part**2).sum())
     limit = min(round(100.0 * near), FAR // 2)
-    while lengths_between(framed, places, limit, lengths) > apart:
+    while lengths_between(is_open, places, limit, lengths) > apart:
         limit = min(4 * limit, FAR // 2)
     return lengths
 

@@ -231,9 +231,10 @@ def inboxes_of(
     from patrol.radio.inbox import Inboxes, Rules  # here: it loads kernels, which a launcher compiles first
 
     fastest = max(spec.speed for spec in scenario.roster)
-    numbers = tuple(spec.number for spec in scenario.roster)
     ahead = (0 if scenario.factor is None else TICKS_APART) if knows_ticks else None
-    return Inboxes(listeners, Rules(numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every))
+    return Inboxes(
+        listeners, Rules(scenario.numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every)
+    )
 
 
 def _load_regions(scenario: Scenario, folder: Path, places: Mapping[str, str]) -> dict[int, RegionSplit] | None:

@@ -112,7 +112,7 @@ class _Shared:
         self._plain = _Grids(terrain, reach)
         self._spare: _Grids | None = None
         self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
-        self.kept: dict[object, BoxPaths] = {}
+        self.kept: dict[tuple[int, int], BoxPaths] = {}
 
     def grids(self, closed: Closed) -> _Grids:
         """Return the grids with something closed, as they are until others are asked for."""
@@ -176,8 +176,8 @@ class Ground:
         return self if self._closed is NOTHING else self._with(NOTHING)
 
     @property
-    def kept(self) -> dict[object, BoxPaths]:
-        """Paths that all grounds over these grids keep, as long as nothing is closed on them; else empty."""
+    def kept(self) -> dict[tuple[int, int], BoxPaths]:
+        """Paths to points that all grounds over these grids keep, as long as nothing is closed on them; else empty."""
         return self._shared.kept if self._closed is NOTHING else {}
 
     @property

@@ -11,7 +11,7 @@ from rich.console import Console
 from experiments.commands.reproduce import app
 from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
 from experiments.paper.printed import paper
-from experiments.sweeps.cases import write_tables, write_text
+from experiments.sweeps.cases import case_rows, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
@@ -60,13 +60,14 @@ def table(
         chosen, count_of_seeds(seeds), overrides, *(names.split(",") if names else [] for names in (rows, columns))
     )
     outcome = machines.make_runs(plan, folder, console)
-    cells = cells_of(outcome)
+    cases = case_rows(outcome)
+    cells = cells_of(cases)
     head = page_head("The paper's tables, side by side", outcome, "reproduce", "table", *map(str, numbers or ()))
     parts = [*head, *page_parts(cells, overrides, plan.seeds), *conclusions_section(cells)]
     print_page(console, parts)
     write_tables(outcome, folder)
     write_text(folder / "cells.csv", cells_table(cells).csv())
-    write_page(folder / "paper.md", parts, table_drawings(outcome, cells))
+    write_page(folder / "paper.md", parts, table_drawings(cases, cells))
     return finish(
         console, outcome, f"{folder}: paper.md has all results; also cells.csv, summary.csv, runs.csv, figures"
     )

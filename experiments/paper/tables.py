@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from experiments.paper.printed import MFOW, paper
-from experiments.sweeps.cases import SHOWN, CaseRow, case_rows
+from experiments.sweeps.cases import SHOWN, CaseRow
 from experiments.sweeps.figures import drawings
 from experiments.sweeps.plan import CASE, Base, Case, Label, Plan, make_plan
-from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, Fit, fit, with_interval
 from monitor.figures.style import Drawing
 from monitor.tables.table import Table
@@ -87,9 +86,9 @@ def _case_name(number: int, row: str, column: int | str) -> str:
     return f"table {number} {row} {column}"
 
 
-def cells_of(outcome: SweepOutcome) -> list[Cell]:
+def cells_of(cases: Sequence[CaseRow]) -> list[Cell]:
     """Return the cells that were run, table by table, measure by measure and row by row."""
-    by_case = {row.case: row for row in case_rows(outcome)}
+    by_case = {row.case: row for row in cases}
     return [
         Cell(number, row, column, metric, value, case.values.get(metric, {}), case.metrics.get(metric))
         for number, table in paper().tables.items()
@@ -182,14 +181,14 @@ def _fit_of(cells: Sequence[Cell], tables: Collection[int], below_s: float | Non
     return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
 
 
-def table_drawings(outcome: SweepOutcome, cells: Sequence[Cell]) -> list[Drawing]:
+def table_drawings(cases: Sequence[CaseRow], cells: Sequence[Cell]) -> list[Drawing]:
     """Draw our values, with the printed ones as marks: for each table and measure."""
     printed = {
         (_case_name(cell.table, cell.row, cell.column), cell.metric): cell.printed
         for cell in cells
         if cell.printed is not None
     }
-    by_case = {row.case: row for row in case_rows(outcome)}
+    by_case = {row.case: row for row in cases}
     drawn = []
     for number, table in paper().tables.items():
         rows: dict[str, CaseRow] = {}

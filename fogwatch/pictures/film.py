@@ -18,7 +18,6 @@ from monitor.replay.run import Run
 from patrol.errors import BadInput, printable
 from patrol.files.whole_file import replacing, writing
 from patrol.ground.fog import NEVER
-from patrol.ground.marks import outline
 from patrol.journal.records import Status
 from patrol.palette import LIGHT, MARKS, NEVER_SEEN, ROBOTS, UNCOUNTED, rgb, with_walls
 from patrol.scenario.marks import looks_at, marks_of
@@ -85,12 +84,9 @@ class Film:
             axes.imshow(layer, origin="lower", extent=(left, right, low, top), interpolation="nearest")
             for layer in (base, self._fog)
         ]
-        self._marks = [mark for mark in marks_of(run.prepared.scenario, terrain) if mark.points is not None]
-        self._rims = [
-            axes.add_collection(LineCollection(list(outline(mark.points, terrain).reshape(-1, 2, 2))))
-            for mark in self._marks
-            if mark.points is not None
-        ]
+        marks = marks_of(run.prepared.scenario, terrain)
+        self._marks = [(mark, mark.points) for mark in marks if mark.points is not None]
+        self._rims = [figures.draw_outline(axes, terrain, points) for _, points in self._marks]
         self._colours = np.array([ROBOTS[place % len(ROBOTS)] for place in range(len(run.names))])
         radius = [max(robot.radius * per_m * _POINTS_PER_INCH, LEAST_RADIUS) for robot in run.robots]
         self._ahead_m = 1.6 * np.array(radius)[:, np.newaxis] / (per_m * _POINTS_PER_INCH)
@@ -107,7 +103,7 @@ class Film:
             axes.plot([], [], ls="", marker=marker, ms=6, color="white", zorder=6)[0] for marker in ("x", "$II$")
         )
         text: dict[str, Any] = {"size": 7, "ha": "center", "path_effects": figures.rim(2.0), "zorder": 7}
-        self._mark_names = [axes.text(*mark.at, "", clip_on=True, **text) for mark in self._marks]
+        self._mark_names = [axes.text(*mark.at, "", clip_on=True, **text) for mark, _ in self._marks]
         named = run.names if len(run.names) <= MOST_NAMES else ()
         self._names = [axes.annotate(name, (0, 0), (0, 7), textcoords="offset points", **text) for name in named]
 
@@ -121,10 +117,10 @@ class Film:
         colours[never] = rgb(NEVER_SEEN)
         self._never.set_visible(bool((never & (self._fog[..., 3] > 0)).any()))
         looks = looks_at(run.prepared.scenario, k, run.closings)
-        for mark, rim, name in zip(self._marks, self._rims, self._mark_names, strict=True):
+        for (mark, points), rim, name in zip(self._marks, self._rims, self._mark_names, strict=True):
             look = looks[mark.section][mark.name]
-            if look.filled and mark.points is not None:
-                colours[mark.points[grid]] = rgb(MARKS[mark.kind])
+            if look.filled:
+                colours[points[grid]] = rgb(MARKS[mark.kind])
             rim.set(color=MARKS[mark.kind], linewidth=2.0 if look.holds else 1.0)
             name.set_text(look.text if look.holds else "")
         self._layers[1].set_data(self._fog)

@@ -23,6 +23,7 @@ from patrol.palette import rgb, with_walls
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
     from matplotlib.patheffects import AbstractPathEffect
@@ -170,11 +171,13 @@ def fog_scale(stalest: float) -> ScalarMappable:
     return ScalarMappable(Normalize(0.0, stalest, clip=True), mpl.colormaps["cividis"].reversed())
 
 
-def draw_outline(axes: Axes, terrain: Terrain, points: BoolGrid, **look: Any) -> None:
-    """Draw the edges of some points; `look` is that of a LineCollection."""
+def draw_outline(axes: Axes, terrain: Terrain, points: BoolGrid, **look: Any) -> LineCollection:
+    """Draw and return the edges of some points; `look` is that of a LineCollection."""
     from matplotlib.collections import LineCollection
 
-    axes.add_collection(LineCollection(list(outline(points, terrain).reshape(-1, 2, 2)), **look))
+    lines = LineCollection(list(outline(points, terrain).reshape(-1, 2, 2)), **look)
+    axes.add_collection(lines)
+    return lines
 
 
 def rim(width: float, colour: str = "white") -> list[AbstractPathEffect]:

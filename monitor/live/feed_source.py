@@ -98,8 +98,7 @@ class FeedSource(Source):
         """
         header = record_of(so_far.header)
         scenario = scenario_of(header, *so_far.last_seen.shape) if isinstance(header, Header) else None
-        numbers = [] if scenario is None else [spec.number for spec in scenario.roster]
-        if not isinstance(header, Header) or scenario is None or set(so_far.ground.area_of) != set(numbers):
+        if not isinstance(header, Header) or scenario is None or set(so_far.ground.area_of) != set(scenario.numbers):
             raise BadInput(f"--fleet {name}: its world runs another version; use one version on all hosts")
         self._name = name
         self._key = key
@@ -115,7 +114,7 @@ class FeedSource(Source):
         self._closings = Closings(scenario.closures, self._terrain)
         self._step = scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
-        self._numbers = numbers
+        self._numbers = scenario.numbers
         self._checks = RunChecks.of(scenario, self._terrain.bounds)
         self._refused_at = -math.inf
         self._end: End | None = None

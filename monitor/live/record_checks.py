@@ -79,7 +79,7 @@ class RunChecks:
     @classmethod
     def of(cls, scenario: Scenario, bounds: tuple[float, float, float, float]) -> RunChecks:
         """Return the checks of a scenario's run."""
-        numbers = tuple(spec.number for spec in scenario.roster)
+        numbers = scenario.numbers
         return cls(numbers, min(scenario.ticks, MAX_TICKS), bounds, longest_record(len(numbers)))
 
     def record(self, packed: bytes, k: int) -> TickRecord | Event | End | None:

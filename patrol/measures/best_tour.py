@@ -216,7 +216,7 @@ def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
 def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     terrain, sensor = prepared.terrain, _sensor_for_rounds(prepared)
     if sensor is None:
-        return dict.fromkeys((spec.number for spec in prepared.scenario.roster), None)
+        return dict.fromkeys(prepared.scenario.numbers)
     footprint, identity = sensor
     rounds: dict[int, Round | None] = {}
     of_ground: dict[int, Round | None] = {}

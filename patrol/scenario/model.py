@@ -106,6 +106,11 @@ class Scenario(Section):
         return copied
 
     @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the robots, 1..N."""
+        return tuple(spec.number for spec in self.roster)
+
+    @property
     def spares(self) -> frozenset[int]:
         """Numbers of the robots that are not there until they join."""
         return frozenset(spec.number for spec in self.roster if spec.spare)

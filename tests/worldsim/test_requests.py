@@ -1,4 +1,4 @@
-"""What comes to the world under the key for controls: requests of operators come through, of others none."""
+"""Requests under the key for controls: those of operators come through to the world, of others none."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ import pytest
 from experiments.paper.conclusions import HELD, NOT_HELD, UNDECIDED, conclusions_section, ratio_of, verdict_of
 from experiments.paper.printed import MFOW, paper
 from experiments.paper.tables import Cell, cells_of, cells_table, page_parts, plan_of, table_drawings
+from experiments.sweeps.cases import case_rows
 from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
 from patrol.scenario import PotentialFieldOptions
@@ -40,7 +41,7 @@ def outcome(numbers: Sequence[int], value: Value, metric: str = MFOW, **part: li
 
 
 def cells(numbers: Sequence[int], value: Value, metric: str = MFOW, **part: list[str]) -> list[Cell]:
-    found = cells_of(outcome(numbers, value, metric, **part))
+    found = cells_of(case_rows(outcome(numbers, value, metric, **part)))
     return [cell for cell in found if cell.metric == metric]
 
 
@@ -124,7 +125,7 @@ def test_cells_far_off_are_marked(factor: float, far: bool) -> None:
 
 def test_cells_without_runs_are_empty() -> None:
     plan = plan_of([3], SEEDS, {}, ["f3"], ["g4"])
-    (cell,) = cells_of(SweepOutcome(plan, {}, 0, 0.0))
+    (cell,) = cells_of(case_rows(SweepOutcome(plan, {}, 0, 0.0)))
     assert (cell.found, cell.ratio, cell.text) == (None, None, "- (90)")
     assert cells_table([cell]).rows[0][5:8] == [None, None, None]
 
@@ -137,8 +138,8 @@ def test_dead_ends_are_further_rows() -> None:
 
 def test_figures_have_a_row_a_column_a_colour_a_row_and_the_printed_values_as_marks() -> None:
     wanted = printed([5])
-    made = outcome([5], lambda case, _: wanted[case] * 1.1)
-    drawn = {drawing.name: drawing for drawing in table_drawings(made, cells_of(made))}
+    cases = case_rows(outcome([5], lambda case, _: wanted[case] * 1.1))
+    drawn = {drawing.name: drawing for drawing in table_drawings(cases, cells_of(cases))}
     assert list(drawn) == ["table-5-cases-mfow_mean_s", "table-5-curves-mfow_mean_s"]
     drawing = drawn["table-5-cases-mfow_mean_s"]
     assert "Black marks: printed values." in drawing.caption
