@@ -65,7 +65,7 @@ def test_a_run_that_was_cut_off_is_drawn_as_far_as_it_got(tmp_path: Path) -> Non
     # The header is the longest record; nothing but it is left.
     header = whole[: whole.index(b"\xa4type\xa4tick") - 9]
     (tmp_path / "journal").write_bytes(header)
-    with pytest.raises(BadInput, match="nothing to draw"):
+    with pytest.raises(BadInput, match="holds no complete tick"):
         run_picture(open_run(tmp_path), tmp_path / "fog.png")
 
 
