@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from monitor.figures import ground as figures
 from monitor.replay.replay import Replay
-from patrol.errors import BadInput
 from patrol.ground.fog import NEVER
 from patrol.journal.records import RobotFacts, Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
@@ -39,8 +38,6 @@ def run_picture(run: Run, out: Path) -> None:
 
     The run may have been cut off. Spare robots that never joined are left out.
     """
-    if not run.ticks:
-        raise BadInput(f"{run.folder}: holds no complete tick; there is nothing to draw")
     tick, terrain, step = run.ticks - 1, run.prepared.terrain, run.step
     fog = Replay(run).fog(tick)
     counted = fog.patrolled.view(np.bool_)
