@@ -160,7 +160,7 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 
 .PHONY: test-mesh
 test-mesh: develop ## six robots without a router lose 30 % of what they send, and one is killed (Linux, root; half an hour)
-	$(BIN)/python -m pytest -q tests/patrol/net/test_mesh.py
+	$(BIN)/python -m pytest -q tests/runtime/net/test_mesh.py
 	$(BIN)/python -P deploy/testbed.py examples/six-hosts.yaml --by mesh --loss 0.3 --kill r2:600 \
 		--out runs/mesh-$$(date +%Y%m%d-%H%M%S)
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
-from patrol.messages.phases import MAX_STATE
 from patrol.pose import Command
-from patrol.process.deadline import Late
+from runtime.messages.phases import MAX_STATE
+from runtime.process.deadline import Late
 
 MAX_FAILURE = 300
 """Characters of the longest account of a failure."""

@@ -38,8 +38,8 @@ from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
-from patrol.security.private_files import fleet_key
 from patrol.zones.ground import SpeedLimits
+from runtime.security.private_files import fleet_key
 
 if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields

@@ -1,7 +1,7 @@
 """``python -m agent.fork_server``: the agents of one run from one process that has loaded the modules that all need.
 
 The launcher starts it (`fogwatch.launch.children`) and asks it for each robot's process. Its limits are in
-`patrol.starting.forking`.
+`runtime.starting.forking`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import os
 import sys
 from collections.abc import Sequence
 
-from patrol.process.lifeline import die_when_orphaned, run_process
-from patrol.starting.environment import keep_freed_memory, show_as
-from patrol.starting.forking import count_threads, serve_forks
-from patrol.starting.readiness import StartFailure, StartReport, report_start
+from runtime.process.lifeline import die_when_orphaned, run_process
+from runtime.starting.environment import keep_freed_memory, show_as
+from runtime.starting.forking import count_threads, serve_forks
+from runtime.starting.readiness import StartFailure, StartReport, report_start
 
 NEEDED = (
     "numba.np.arraymath",  # numba itself loads it when the first array meets a kernel
@@ -25,7 +25,7 @@ NEEDED = (
     "agent.policies.stochastic",
     "patrol.kernels.clearance",
     "patrol.kernels.ways",
-    "patrol.messages.phases",
+    "runtime.messages.phases",
 )
 """Modules without Zenoh that every agent loads and the kernels do not bring along."""
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 from agent.answers import policy_failure
 from agent.ports import PolicyFailed, Telemetry
 from patrol.errors import printable
-from patrol.messages.telemetry import MAX_TEXT, Traffic, pack_view
-from patrol.messages.telemetry import Telemetry as TelemetryView
-from patrol.process.deadline import Late, deadline
-from patrol.reporting.logs import Log
-from patrol.reporting.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
+from runtime.messages.telemetry import MAX_TEXT, Traffic, pack_view
+from runtime.messages.telemetry import Telemetry as TelemetryView
+from runtime.process.deadline import Late, deadline
+from runtime.reporting.logs import Log
+from runtime.reporting.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
 
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Decision, Radio, Robot
     from patrol.exchange import Sensed
-    from patrol.reporting.vitals import Figure, Value, Vitals
+    from runtime.reporting.vitals import Figure, Value, Vitals
 
 TELEMETRY_S = 0.2
 """Wall time between two reports to viewers, s."""

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from agent.ports import Telemetry
 from agent.robots.direct import APART
 from patrol.errors import BadInput, NotPrepared
-from patrol.process.context import ProcessContext, run_with
 from patrol.radio.message import MAX_TIME_MS, ms_to_s
+from runtime.process.context import ProcessContext, run_with
 
 if TYPE_CHECKING:
     from agent.mind import Mind
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
-    from patrol.messages.stop_orders import StopOrders
-    from patrol.net.link import Link
-    from patrol.net.mailbox import Air
     from patrol.pose import Pose
     from patrol.prepare import Prepared
-    from patrol.process.lifeline import Ending
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
-    from patrol.security.keys import FleetKeys
+    from runtime.messages.stop_orders import StopOrders
+    from runtime.net.link import Link
+    from runtime.net.mailbox import Air
+    from runtime.process.lifeline import Ending
+    from runtime.security.keys import FleetKeys
 
 __all__ = ["Site", "drive"]
 
@@ -164,10 +164,10 @@ def patrol_with(
         NotPrepared: The same, where the scenario's file must be named.
         AskedToLeave: Before the patrol could begin.
     """
-    from patrol.process.failures import INTERRUPTED
-    from patrol.process.options import robot_named
-    from patrol.security.keys import callers_of, check_radio
-    from patrol.security.roles import Kind
+    from runtime.process.failures import INTERRUPTED
+    from runtime.process.options import robot_named
+    from runtime.security.keys import callers_of, check_radio
+    from runtime.security.roles import Kind
 
     if scenario.radio.via != "direct":
         raise NotPrepared("radio.via = ether: only a world carries frames so; set radio: {via: direct}")
@@ -263,8 +263,8 @@ class _Driver:
         from agent.policies.found import policy_of
         from agent.robots.clock import KeptClock, latest_tick
         from agent.robots.direct import tune_in
-        from patrol.messages.stop_orders import StopOrders
-        from patrol.process.deadline import DECISION_LIMIT_S
+        from runtime.messages.stop_orders import StopOrders
+        from runtime.process.deadline import DECISION_LIMIT_S
 
         scenario, name, process = self.prepared.scenario, self.spec.name, self.process
         log, ending = process.log, process.ending
@@ -460,7 +460,7 @@ def check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> Non
 
 def _meet_others(air: Air, own: str, ending: Ending) -> None:
     """Wait for a connection to another robot where robots meet directly: their links open without any."""
-    from patrol.net.link import Link
+    from runtime.net.link import Link
 
     if not isinstance(air, Link) or air.mesh is None:
         return

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
-import sys
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
-from patrol.process.context import ProcessContext, run_with
-from patrol.process.deadline import DECISION_LIMIT_S
-from patrol.process.failures import INTERRUPTED
-from patrol.process.lifeline import Ending
-from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser, robot_named
+from runtime.process.context import ProcessContext, run_with
+from runtime.process.deadline import DECISION_LIMIT_S
+from runtime.process.failures import INTERRUPTED
+from runtime.process.lifeline import Ending
+from runtime.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser, robot_named
 
 if TYPE_CHECKING:
     from agent.mind import Mind
@@ -40,47 +37,16 @@ Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one agent."""
-    words = sys.argv[1:] if arguments is None else arguments
-    if is_for_ros2(words):
-        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot").main  # it stands on `agent`
-        return drive_ros2(words)
-    parser = simulated_parser()
-    split = _split_values(words)
-    if (robot := _robot_of(split)) and not {"--scenario", "--help", "-h"} & set(split):
-        parser.error(f"--robot {robot}: a robot of a fleet also needs --scenario FILE; one of ROS 2 is ros2 or rclpy")
-    options = parser.parse_args(words)
+    options = simulated_parser().parse_args(arguments)
     return run_with(options, options.robot or "agent", _run_agent)
-
-
-def is_for_ros2(arguments: Sequence[str]) -> bool:
-    """Return True if a command line of ``fogwatch agent`` is meant for a ROS 2 robot.
-
-    A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
-    router nor a namespace.
-    """
-    split = _split_values(arguments)
-    option = {"ros2": "--connect", "rclpy": "--namespace"}.get(_robot_of(split))
-    return option is not None and (option in split or "--scenario" not in split)
-
-
-def _split_values(arguments: Sequence[str]) -> list[str]:
-    """Return the words of a command line, with ``--option=value`` as two."""
-    return [
-        word for argument in arguments for word in (argument.split("=", 1) if argument.startswith("--") else [argument])
-    ]
-
-
-def _robot_of(split: Sequence[str]) -> str:
-    """Return the value of ``--robot`` in a split command line; empty without one."""
-    return next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
 
 
 def _run_agent(process: ProcessContext) -> int:
     """Check the input and find out which robot this is, then patrol; return the exit code."""
     from agent.own_robot import mind_of, spec_of
     from patrol.scenario import load_scenario, naming
-    from patrol.security.keys import check_radio
-    from patrol.security.roles import Kind
+    from runtime.security.keys import check_radio
+    from runtime.security.roles import Kind
 
     options = process.options
     meeting = process.meet(Kind.ROBOT)
@@ -99,9 +65,9 @@ def _join_patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str |
     from agent.policies.found import policy_of
     from agent.robots.direct import DirectRadio, tune_in
     from agent.robots.sim import join
-    from patrol.messages.session import Identity
     from patrol.scenario import scenario_hash
-    from patrol.security.keys import callers_of
+    from runtime.messages.session import Identity
+    from runtime.security.keys import callers_of
 
     options, ending, log = process.options, process.ending, process.log
     spec, keys = mind.spec, meeting.keys

@@ -29,13 +29,13 @@ from typing import Any, NoReturn, cast
 
 from deploy.testbed import GROUP, HUB, IMPOSSIBLE, RADIO, RADIO_PORT, Bed, Impossible, Relay, check_rights, make_meeting
 from fogwatch.fleets.folder import make_fleet
-from patrol.net.mailbox import Mailbox
-from patrol.net.open_links import open_air
-from patrol.process.lifeline import leave
 from patrol.scenario import Scenario
-from patrol.security.credentials import read_credentials
-from patrol.security.keys import fleet_keys, robot_of
-from patrol.security.mesh import GUARDED
+from runtime.net.mailbox import Mailbox
+from runtime.net.open_links import open_air
+from runtime.process.lifeline import leave
+from runtime.security.credentials import read_credentials
+from runtime.security.keys import fleet_keys, robot_of
+from runtime.security.mesh import GUARDED
 
 AT = f"{RADIO}.{HUB}:{RADIO_PORT}"
 ROUTERS = {

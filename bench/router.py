@@ -20,11 +20,11 @@ import psutil
 from bench.runner import Bench
 from fogwatch.launch.children import Children
 from fogwatch.launch.launcher import free_port
-from patrol.net.link import Link, open_link
-from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
-from patrol.security.keys import fleet_keys
+from runtime.net.link import Link, open_link
+from runtime.net.mailbox import Mailbox
+from runtime.security.keys import fleet_keys
 
 MEMBERS = (10, 20, 40)
 BYTE_ROUNDS = 20

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pyperf
 
-from patrol.starting.warmup import SELDOM, warm
+from runtime.starting.warmup import SELDOM, warm
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim")

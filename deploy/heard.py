@@ -13,11 +13,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from patrol.messages.telemetry import MAX_VIEW, Traffic, read_traffic
-from patrol.net.link import open_link
-from patrol.net.mailbox import Mailbox
-from patrol.security.credentials import read_credentials
-from patrol.security.keys import fleet_keys, robot_of
+from runtime.messages.telemetry import MAX_VIEW, Traffic, read_traffic
+from runtime.net.link import open_link
+from runtime.net.mailbox import Mailbox
+from runtime.security.credentials import read_credentials
+from runtime.security.keys import fleet_keys, robot_of
 
 PATIENCE_S = 600.0
 WAIT_S = 1.0

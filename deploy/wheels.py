@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 TAG = "cp{0}{1}-cp{0}{1}{2}-manylinux_2_28_x86_64"
 """The oldest C library for which numba has wheels: compiled kernels need nothing newer."""
 MAKE = """
-from patrol.starting.warmup import SELDOM, warm
+from runtime.starting.warmup import SELDOM, warm
 warm(("patrol", "agent", "worldsim", "monitor", "experiments"), print, SELDOM)
 """
 

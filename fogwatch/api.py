@@ -23,21 +23,21 @@ from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
-from patrol.messages.telemetry import Metrics
-from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import Scenario, load_scenario, naming, with_assumed
 from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
-from patrol.security.private_files import fleet_key
-from patrol.starting.compiling import compiling_meanwhile
-from patrol.starting.warmup import missing_kernels, seldom_kernels, warm
+from runtime.messages.telemetry import Metrics
+from runtime.process.lifeline import InterruptedBySignal
+from runtime.security.private_files import fleet_key
+from runtime.starting.compiling import compiling_meanwhile
+from runtime.starting.warmup import missing_kernels, seldom_kernels, warm
 
 if TYPE_CHECKING:
     from patrol.journal import Event, Journal, TickRecord
     from patrol.prepare import Prepared
-    from patrol.starting.compiling import Compiled
     from patrol.summary.model import Summary
+    from runtime.starting.compiling import Compiled
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World

@@ -20,8 +20,8 @@ from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
-from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.radio.message import as_received
+from runtime.process.deadline import DECISION_LIMIT_S, Late, deadline
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NotStarted
 from worldsim.output.record import Recorder, header_of

@@ -10,7 +10,7 @@ import sys
 from importlib.machinery import ModuleSpec, PathFinder
 from os import path
 
-NAMES = ("patrol", "agent", "worldsim", "monitor", "ros2", "experiments")
+NAMES = ("patrol", "runtime", "agent", "worldsim", "monitor", "ros2", "experiments")
 HOME = path.dirname(path.dirname(path.abspath(__file__)))  # noqa: PTH100, PTH120 - pathlib takes longer to load
 _HIDDEN: set[str] = set()
 """The files that a line has named, so that each is named once."""

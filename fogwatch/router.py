@@ -1,6 +1,6 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
-Members of a mesh (`patrol.security.mesh`) need none.
+Members of a mesh (`runtime.security.mesh`) need none.
 
     fogwatch router --fleet yards-1/router
 
@@ -15,14 +15,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.net.link import LinkDown, PortBusy, open_router
-from patrol.process.context import PortTaken, ProcessContext, run_with
-from patrol.process.lifeline import run_process
-from patrol.process.options import ProcessParser
-from patrol.reporting.logs import Log
-from patrol.reporting.vitals import CONNECTIONS
-from patrol.security.credentials import RouterSecurity, read_router
-from patrol.security.keys import check_locator, fleet_keys, is_local
+from runtime.net.link import LinkDown, PortBusy, open_router
+from runtime.process.context import PortTaken, ProcessContext, run_with
+from runtime.process.lifeline import run_process
+from runtime.process.options import ProcessParser
+from runtime.reporting.logs import Log
+from runtime.reporting.vitals import CONNECTIONS
+from runtime.security.credentials import RouterSecurity, read_router
+from runtime.security.keys import check_locator, fleet_keys, is_local
 
 HELP = """
 A fleet on several hosts needs a router where its robots cannot reach each other, or are many. Once, for all of them:

@@ -13,7 +13,7 @@ from monitor.live.attach import NoAnswer
 from monitor.observation.source import RobotShape, RobotState, Source, State, Static
 from patrol.errors import printable
 from patrol.journal.records import Status
-from patrol.process.lifeline import Ending
+from runtime.process.lifeline import Ending
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from monitor.replay.run_files import check_runs
 from patrol.errors import BadInput
-from patrol.process.context import ProcessContext, run_with
-from patrol.process.failures import INTERRUPTED
-from patrol.process.lifeline import Ending
-from patrol.process.options import ProcessParser
-from patrol.reporting.logs import Log, is_json
-from patrol.reporting.supervision import Notifier
-from patrol.reporting.vitals import Vitals
-from patrol.starting.environment import keep_freed_memory
+from runtime.process.context import ProcessContext, run_with
+from runtime.process.failures import INTERRUPTED
+from runtime.process.lifeline import Ending
+from runtime.process.options import ProcessParser
+from runtime.reporting.logs import Log, is_json
+from runtime.reporting.supervision import Notifier
+from runtime.reporting.vitals import Vitals
+from runtime.starting.environment import keep_freed_memory
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -101,7 +101,7 @@ def serve(
     """
     _check_libraries()
     from monitor.page.authorisation import MIN_TOKEN_LENGTH, Authorisation
-    from patrol.security.keys import is_loopback
+    from runtime.security.keys import is_loopback
 
     local = is_loopback(host)
     if not local and not key:
@@ -193,7 +193,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
     """
 
     def open_sources() -> Sequence[Source]:
-        from patrol.starting.warmup import warm
+        from runtime.starting.warmup import warm
 
         keep_freed_memory(KEPT)
         if options.replay is not None:

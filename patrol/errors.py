@@ -6,7 +6,7 @@ Unusable                what a user, a file or a wire gave
         WrongArguments  arguments that a function does not take (`fogwatch.notebook.arguments`)
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
-    RequestRefused      a request that does not control the run (`patrol.security.control_auth`)
+    RequestRefused      a request that does not control the run (`runtime.security.control_auth`)
     FileRefused         a file of a wrong kind or size (`patrol.files.untrusted`)
 """
 

@@ -13,7 +13,7 @@ Theory of operation
     afterwards, so it can be read without a lock. Files that do not match their digests are deleted and made again.
 
     Every package of kernels calls `keep_compiled` before any of its modules is imported. From then on importing one of
-    them loads its entry, or compiles the module and stores the entry. `patrol.starting.warmup` does the same
+    them loads its entry, or compiles the module and stores the entry. `runtime.starting.warmup` does the same
     beforehand, in several processes, for all that a run needs.
 """
 

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import settings
 
 from patrol.errors import BadInput
-from patrol.starting.warmup import SELDOM, warm
+from runtime.starting.warmup import SELDOM, warm
 
 # A slow machine is no failure. Property tests try the same examples in each run; the hunt (`tests.hunt`) tries others.
 settings.register_profile("free", deadline=None, print_blob=True)
@@ -35,7 +35,7 @@ SLOW = ("processes", "browser")
 TIMES = Path(__file__).with_name("times.tsv")
 """Tests that take long, as `make times` found them: processor time in s, a tab, the test's name."""
 
-WAITING = ("agent/robots", "hostile", "patrol/net", "patrol/process", "ros2")
+WAITING = ("agent/robots", "hostile", "runtime/net", "runtime/process", "ros2")
 """Folders whose tests wait for other processes, threads and routers more than they work."""
 
 KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")

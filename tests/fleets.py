@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 import fogwatch
-from patrol.messages.feed import Ground, SoFar, so_far_bytes
-from patrol.messages.telemetry import Metrics
 from patrol.scenario import load_scenario
+from runtime.messages.feed import Ground, SoFar, so_far_bytes
+from runtime.messages.telemetry import Metrics
 from worldsim.run_record import RunRecord
 
 COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0}

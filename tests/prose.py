@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("patrol", "agent", "worldsim", "monitor", "fogwatch", "experiments", "ros2", "bench")
+PACKAGES = ("patrol", "runtime", "agent", "worldsim", "monitor", "fogwatch", "experiments", "ros2", "bench")
 OPENER = re.compile(r"(What|Whether|Who|Whose|Where|How|When|Why|By)\b")
 PERSON = re.compile(r"\b(nobody|somebody|whoever)\b", re.IGNORECASE)
 EXAMPLE = re.compile(r"\bexample|\be\.g\.", re.IGNORECASE)

@@ -80,7 +80,7 @@ class Bench:
         """Start the agent, with the map or without."""
         process = subprocess.Popen(
             [
-                *(sys.executable, "-P", "-m", "agent", "--robot", "ros2", "--connect", self.endpoint),
+                *(sys.executable, "-P", "-m", "ros2.robot", "--robot", "ros2", "--connect", self.endpoint),
                 *("--namespace", NAME, "--format", self.form),
                 *(("--map", str(self.plan)) if has_map else ()),
                 *("--speed", str(SPEED), "--radius", str(RADIUS), "--state", str(self.plan.parent / "state"), *more),

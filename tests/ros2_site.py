@@ -10,13 +10,13 @@ import zenoh
 
 from fogwatch.fleets.folder import ROBOT_ROUTER, FleetFolder, make_robot_router
 from patrol.pose import Pose
-from patrol.security.credentials import Credentials, read_credentials
 from ros2.wire.formats import Format
 from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import Odometry, Twist, TwistStamped
 from ros2.wire.names import NodeName
 from ros2.wire.ports import Sender
+from runtime.security.credentials import Credentials, read_credentials
 from tests.routers import PATIENCE_S, free_port
 
 M = TypeVar("M")

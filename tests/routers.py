@@ -18,14 +18,14 @@ import pytest
 
 from fogwatch.fleets.folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
-from patrol.net.link import Link, open_router
-from patrol.net.mailbox import Mailbox
-from patrol.net.open_links import open_links
-from patrol.security.access import FILE
-from patrol.security.credentials import Credentials, read_credentials, read_router
-from patrol.security.keys import FleetKeys, fleet_keys
-from patrol.security.private_files import write_private
-from patrol.security.roles import role_of
+from runtime.net.link import Link, open_router
+from runtime.net.mailbox import Mailbox
+from runtime.net.open_links import open_links
+from runtime.security.access import FILE
+from runtime.security.credentials import Credentials, read_credentials, read_router
+from runtime.security.keys import FleetKeys, fleet_keys
+from runtime.security.private_files import write_private
+from runtime.security.roles import role_of
 
 PATIENCE_S = 300.0
 

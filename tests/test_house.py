@@ -22,7 +22,7 @@ from packaging.utils import canonicalize_name
 from tests.conftest import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("patrol", "agent", "worldsim", "monitor", "ros2", "fogwatch", "experiments")
+PACKAGES = ("patrol", "runtime", "agent", "worldsim", "monitor", "ros2", "fogwatch", "experiments")
 OUTSIDE = ("bench", "tests")
 """Folders of Python that stay in a clone."""
 LONGEST_FILE = 600
@@ -323,7 +323,7 @@ def test_an_agent_needs_no_extra_and_none_of_the_other_packages() -> None:
         for module, owners in metadata.packages_distributions().items()
         if module not in PACKAGES and any(canonicalize_name(owner) in base for owner in owners)
     ]
-    command = [sys.executable, "-P", "-c", AGENT_ON_A_BARE_ROBOT, json.dumps([*modules, "patrol", "agent"])]
+    command = [sys.executable, "-P", "-c", AGENT_ON_A_BARE_ROBOT, json.dumps([*modules, "patrol", "runtime", "agent"])]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -363,14 +363,14 @@ OWN_FILES = {
     "patrol/measures/best_tour.py": "the user's own cache",
     "patrol/ground/fields.py": "fields that the launcher prepared",
     "patrol/kernel_cache.py": "the user's own cache, and kernels of the packages",
-    "patrol/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
+    "runtime/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
     "patrol/tours/round.py": "the user's own cache",
     "patrol/zones/division.py": "fields that the launcher prepared",
     "patrol/prepare.py": "fields that the launcher prepared",
-    "patrol/process/lifeline.py": "the kernel's facts about this process",
-    "patrol/starting/environment.py": "the kernel's facts about this process",
-    "patrol/reporting/vitals.py": "the kernel's facts about this process",
-    "patrol/starting/compiling.py": "kernels of the packages",
+    "runtime/process/lifeline.py": "the kernel's facts about this process",
+    "runtime/starting/environment.py": "the kernel's facts about this process",
+    "runtime/reporting/vitals.py": "the kernel's facts about this process",
+    "runtime/starting/compiling.py": "kernels of the packages",
     "patrol/regions/split.py": "fields that the launcher prepared",
     "patrol/files/untrusted.py": "the one place that opens files of others",
 }

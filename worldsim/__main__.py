@@ -1,7 +1,7 @@
 """``python -m worldsim``: the world as a process."""
 
-from patrol.process.lifeline import run_process
-from patrol.starting.environment import keep_freed_memory
+from runtime.process.lifeline import run_process
+from runtime.starting.environment import keep_freed_memory
 from worldsim.process import main
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 Ticks can be held, let go and paced. In lockstep a pace is a limit: the world still waits for every robot, so the trace
 does not depend on it. A request that comes while the ticks are held is done before the next one.
 
-Only requests of clients that know the fleet's token come through (`patrol.security.control_auth`). All others are
+Only requests of clients that know the fleet's token come through (`runtime.security.control_auth`). All others are
 counted and get no answer.
 """
 
@@ -20,17 +20,17 @@ from patrol.errors import BadInput
 from patrol.faults.kinds import PROCESS_KINDS
 from patrol.files.whole_file import write_whole
 from patrol.journal.records import Event
-from patrol.reporting.logs import crashed
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import OPERATOR, Answer, Control, Go, Pace, Pause, Step, amended, as_detail, read_control
 from patrol.scenario.sections import MAP
-from patrol.security.control_auth import Admitted, ControlGate, RequestRefused
+from runtime.reporting.logs import crashed
+from runtime.security.control_auth import Admitted, ControlGate, RequestRefused
 
 if TYPE_CHECKING:
     from collections import Counter
 
-    from patrol.net.mailbox import Question
     from patrol.scenario import Scenario
+    from runtime.net.mailbox import Question
     from worldsim.mailbox import CountingMailbox
     from worldsim.world import World
 

@@ -9,7 +9,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class Mailbox(Protocol[T_co]):
-    """The reading side of a mailbox of `patrol.net`."""
+    """The reading side of a mailbox of `runtime.net`."""
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T_co] | None:
         """Take out the next message, and return its key and it; None when none comes in time."""

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
-from patrol.process.context import ProcessContext, run_with
-from patrol.process.deadline import ANSWER_S
-from patrol.process.failures import INTERRUPTED, UNKNOWN
-from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
-from patrol.reporting.logs import Log
-from patrol.security.roles import Kind
+from runtime.process.context import ProcessContext, run_with
+from runtime.process.deadline import ANSWER_S
+from runtime.process.failures import INTERRUPTED, UNKNOWN
+from runtime.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
+from runtime.reporting.logs import Log
+from runtime.security.roles import Kind
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     from patrol.classes.static_check import announce
     from patrol.own_sensor import allow_sensor, sensor_named
     from patrol.scenario import load_scenario, naming
-    from patrol.security.access import read_access
-    from patrol.security.keys import callers_of, check_radio
+    from runtime.security.access import read_access
+    from runtime.security.keys import callers_of, check_radio
     from worldsim.output.folder import check
     from worldsim.radio.models import model_named
 

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput, printable
 from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
 from patrol.journal.records import standing_after
-from patrol.messages.feed import FOG, TICKS
-from patrol.messages.phases import MAX_REPLY, ToWorld, decode_to_world
-from patrol.messages.session import MESH_RETURN_S, RETURN_S, WorldRun
-from patrol.messages.telemetry import (
+from patrol.radio.message import MAX_FRAME
+from patrol.scenario import Scenario, scenario_hash
+from runtime.messages.feed import FOG, TICKS
+from runtime.messages.phases import MAX_REPLY, ToWorld, decode_to_world
+from runtime.messages.session import MESH_RETURN_S, RETURN_S, WorldRun
+from runtime.messages.telemetry import (
     EVENTS,
     MAX_TEXT,
     METRICS,
@@ -30,14 +32,12 @@ from patrol.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.net.link import Link
-from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
-from patrol.radio.message import MAX_FRAME
-from patrol.reporting.logs import Log
-from patrol.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
-from patrol.scenario import Scenario, scenario_hash
-from patrol.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
-from patrol.security.keys import WORLD, FleetKeys
+from runtime.net.link import Link
+from runtime.net.mailbox import Air, Mailbox, Post, Presence, Question
+from runtime.reporting.logs import Log
+from runtime.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
+from runtime.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
+from runtime.security.keys import WORLD, FleetKeys
 from worldsim.controls import ControlMailbox, Operator, RunState, answer_challenge, keep_timeline
 from worldsim.faults import Timeline
 from worldsim.fleet.lockstep import LockstepFleet
@@ -53,8 +53,8 @@ from worldsim.run_record import PutOff, Unwritten, recording
 if TYPE_CHECKING:
     from argparse import Namespace
 
-    from patrol.process.context import ProcessContext
-    from patrol.process.lifeline import Ending
+    from runtime.process.context import ProcessContext
+    from runtime.process.lifeline import Ending
     from worldsim.output.record import Recorder
     from worldsim.output.ticks_table import TicksTable
     from worldsim.world import World

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from patrol.messages.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Rejected, decode, ms_to_s
+from runtime.messages.phases import PHASE_B_SHARE
 
 SET_S = 1.0
 """A wait for a tick that is longer than a step by so much means that the clock was set back, s."""

@@ -19,11 +19,11 @@ from statistics import median_low
 from typing import Protocol
 
 from agent.ports import FleetClock
-from patrol.messages.telemetry import Traffic
-from patrol.net.mailbox import Air, FrameMailbox, Mailbox, Post
 from patrol.radio.message import CONTACT, MAX_FRAMES, Rejected, decode
-from patrol.reporting.vitals import DROPPED, Vitals
-from patrol.security.keys import FleetKeys, robot_of
+from runtime.messages.telemetry import Traffic
+from runtime.net.mailbox import Air, FrameMailbox, Mailbox, Post
+from runtime.reporting.vitals import DROPPED, Vitals
+from runtime.security.keys import FleetKeys, robot_of
 
 REMEMBERED = 9
 """Number of frames of each robot by which its count is judged: a few, because some are delayed on the way."""

@@ -6,7 +6,7 @@ repeated message gets the same answer again, so that nothing is decided twice. A
 wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
 decision.
 
-`patrol.messages.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
+`runtime.messages.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
 session and carries out the effects.
 """
 
@@ -21,7 +21,8 @@ from itertools import islice
 
 from agent.ports import Decision, State
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import (
+from patrol.pose import Command, halted
+from runtime.messages.phases import (
     UNLIKE,
     Failed,
     Farewell,
@@ -34,7 +35,7 @@ from patrol.messages.phases import (
     encode,
     max_to_robot,
 )
-from patrol.messages.session import (
+from runtime.messages.session import (
     Deliver,
     Effects,
     Halt,
@@ -47,12 +48,11 @@ from patrol.messages.session import (
     Send,
     Unanswered,
 )
-from patrol.net.link import TELL_S, Link
-from patrol.net.mailbox import Mailbox, Post, Presence
-from patrol.pose import Command, halted
-from patrol.process.lifeline import Ending
-from patrol.reporting.vitals import Vitals
-from patrol.security.keys import WORLD, FleetKeys
+from runtime.net.link import TELL_S, Link
+from runtime.net.mailbox import Mailbox, Post, Presence
+from runtime.process.lifeline import Ending
+from runtime.reporting.vitals import Vitals
+from runtime.security.keys import WORLD, FleetKeys
 
 _POLL_S = 0.2
 _BACKLOG = 256

@@ -24,7 +24,7 @@ from monitor.process import serve
 from monitor.replay.player import Player
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from patrol.process.lifeline import Ending
+from runtime.process.lifeline import Ending
 
 SCENARIO: dict[str, Any] = {
     "name": "site-eight",

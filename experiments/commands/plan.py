@@ -17,9 +17,9 @@ from fogwatch.cli.options import option
 from fogwatch.run_options import Body, overrides_of, patrol_option, settings_option
 from patrol.errors import BadInput, printable
 from patrol.extras import check_matplotlib
-from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, changed_scenario, naming, open_scenario
-from patrol.starting.warmup import SELDOM, warm
+from runtime.process.lifeline import heed
+from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan

@@ -29,7 +29,7 @@ from fogwatch.inprocess import check_in_process, fleet_of
 from patrol.classes.exits import end_now
 from patrol.errors import BadInput
 from patrol.prepare import Prepared, sensor_footprint
-from patrol.starting.forking import fork_process
+from runtime.starting.forking import fork_process
 from worldsim.fleet.loop import run_ticks
 from worldsim.world import World
 

@@ -14,7 +14,7 @@ from fogwatch.notebook.html import lines_html, table_html
 from monitor.tables.table import Table
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, naming
-from patrol.starting.warmup import SELDOM, warm
+from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     import pyarrow as pa

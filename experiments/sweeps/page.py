@@ -13,7 +13,7 @@ from experiments.sweeps.cases import write_text
 from experiments.sweeps.progress import command_line
 from experiments.sweeps.runner import SweepOutcome
 from monitor.figures.style import Drawing
-from patrol.process.aside import in_two
+from runtime.process.aside import in_two
 
 FIGURE = re.compile(r"(table-\d-)?((cases|change|curves)-[a-z0-9_]+|plane|plane-gain)\.(png|svg|pdf)")
 """File names of the figures of studies."""

@@ -105,7 +105,7 @@ def _make_runs(
     observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
-    from patrol.starting.warmup import SELDOM, warm
+    from runtime.starting.warmup import SELDOM, warm
 
     warm(PACKAGES, say, SELDOM)
     settings = {run.key: dict(run.settings) for run in todo}

@@ -51,7 +51,7 @@ def software() -> str:
 
 def prepare_worker() -> str:
     """Compile the kernels, so that this machine can run tasks, and return the version of fogwatch."""
-    from patrol.starting.warmup import SELDOM, warm
+    from runtime.starting.warmup import SELDOM, warm
 
     warm(PACKAGES, lambda _: None, SELDOM)
     return software()

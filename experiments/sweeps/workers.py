@@ -25,7 +25,7 @@ from typing import IO, Any, Protocol, Self
 
 from experiments.sweeps.worker import Answer, Task, answer, prepare_worker, run_task, software
 from patrol.errors import BadInput, quoted
-from patrol.starting.environment import own_environment
+from runtime.starting.environment import own_environment
 
 LOOK_UP_S = 0.5
 """Interval of looking up while no worker answers, s: a signal that comes just before the wait does not end it."""

@@ -11,10 +11,10 @@ from typing import Any
 import typer
 
 from patrol.errors import BadInput, printable, printable_lines
-from patrol.process import failures as exhausted
-from patrol.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
-from patrol.process.lifeline import forget_interrupt
-from patrol.reporting.logs import crashed
+from runtime.process import failures as exhausted
+from runtime.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
+from runtime.process.lifeline import forget_interrupt
+from runtime.reporting.logs import crashed
 
 OLD_WORDS = {"key new": "fleet key", "key": "fleet key", "paper all": "reproduce table", "paper": "reproduce"}
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""

@@ -15,7 +15,7 @@ from os import _exit  # kept before foreign code may replace it
 def _leave_process(_number: int, _frame: object) -> None:
     """End the process at once: there is nothing yet to put in order."""
     os.write(2, b"fogwatch: interrupted\n")
-    _exit(130)  # patrol.process.failures.INTERRUPTED, which is not loaded yet
+    _exit(130)  # runtime.process.failures.INTERRUPTED, which is not loaded yet
 
 
 _HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -42,14 +42,14 @@ def main() -> int:
         from fogwatch.cli.app import app
 
         if _HEEDS_CTRL_C:  # a robot's processes have nothing to put in order before they heed signals themselves
-            from patrol.process.lifeline import interrupt
+            from runtime.process.lifeline import interrupt
 
             signal.signal(signal.SIGINT, interrupt)
     code = run_app(app)
     if _HEEDS_CTRL_C:
         signal.signal(signal.SIGINT, _leave_process)  # while the interpreter puts itself away
-    if "patrol.net.link" in sys.modules:
-        from patrol.net.link import is_closing
+    if "runtime.net.link" in sys.modules:
+        from runtime.net.link import is_closing
 
         if is_closing():
             _exit(code)

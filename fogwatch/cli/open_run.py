@@ -13,7 +13,7 @@ from fogwatch.cli.ending import note
 from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput
 from patrol.files.untrusted import JOURNAL, open_untrusted
-from patrol.starting.warmup import warm
+from runtime.starting.warmup import warm
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run

@@ -12,7 +12,7 @@ from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
-from patrol.process.lifeline import heed
+from runtime.process.lifeline import heed
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run

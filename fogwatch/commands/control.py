@@ -18,8 +18,8 @@ from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput, did_you_mean, quoted
 
 if TYPE_CHECKING:
-    from patrol.net.link import Link
-    from patrol.security.credentials import Credentials
+    from runtime.net.link import Link
+    from runtime.security.credentials import Credentials
 
 ROBOTS_S = 5.0
 """How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
@@ -94,11 +94,11 @@ def control(
     if fleet is not None:
         raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
     request = control_of(do, value)
-    from patrol.messages.stop_orders import robots_there
     from patrol.scenario.controls import read_control
-    from patrol.security.access import read_access
-    from patrol.security.control_auth import ControlClient, Unanswered
-    from patrol.security.keys import WORLD, fleet_keys
+    from runtime.messages.stop_orders import robots_there
+    from runtime.security.access import read_access
+    from runtime.security.control_auth import ControlClient, Unanswered
+    from runtime.security.keys import WORLD, fleet_keys
 
     read_control(request)
     access = read_access(run, "control")
@@ -124,7 +124,7 @@ def control(
 
 
 def _open_link(run: Path, router: str, wait_s: float, credentials: Credentials | None) -> Link:
-    from patrol.net.link import LinkDown, open_link
+    from runtime.net.link import LinkDown, open_link
 
     try:
         return open_link(router, wait_s, credentials=credentials)
@@ -134,10 +134,10 @@ def _open_link(run: Path, router: str, wait_s: float, credentials: Credentials |
 
 def _stop_robots(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
     """Ask robots to stop, or release them; the exit code."""
-    from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
-    from patrol.security.access import read_access
-    from patrol.security.keys import WORLD, check_locator, fleet_keys
-    from patrol.security.roles import robot_role
+    from runtime.messages.stop_orders import Order, ask_robots, robots_to_ask
+    from runtime.security.access import read_access
+    from runtime.security.keys import WORLD, check_locator, fleet_keys
+    from runtime.security.roles import robot_role
 
     credentials = None
     if fleet is not None:

@@ -52,15 +52,15 @@ def doctor(
 
     It needs no ROS, finds out whether the robot speaks rmw_zenoh or zenoh-bridge-ros2dds, and sends nothing to it.
     """
-    from patrol.net.link import LinkDown
-    from patrol.security.credentials import read_credentials
-    from patrol.security.keys import check_locator
     from ros2.doctor import examine, survey
     from ros2.robot.localisation import LocalisationSettings, Source
     from ros2.robot.options import DriveSettings, topics_given
     from ros2.wire.formats import RmwZenoh
     from ros2.wire.link import open_ros2
     from ros2.wire.names import NodeName, check_name, domain_given
+    from runtime.net.link import LinkDown
+    from runtime.security.credentials import read_credentials
+    from runtime.security.keys import check_locator
 
     check_locator(connect, "--connect")
     check_name(namespace, "--namespace")

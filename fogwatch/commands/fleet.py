@@ -15,7 +15,7 @@ from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import say
 from fogwatch.cli.options import argument, bounded, option
 from patrol.errors import BadInput
-from patrol.security.private_files import new_key
+from runtime.security.private_files import new_key
 
 if TYPE_CHECKING:
     from fogwatch.fleets.folder import FleetFolder
@@ -57,7 +57,7 @@ class FleetOptions:
         RUN is as for `control_file`. A scenario is of robots without a world, which an operator may watch as well; with
         the folder of a run, which has a scenario of its own, it is refused.
         """
-        from patrol.security.credentials import MEMBER
+        from runtime.security.credentials import MEMBER
 
         self.check_one_fleet(command, run)
         if run is not None and self.scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
@@ -78,8 +78,8 @@ def control_file(command: str, run: Path) -> Path:
     `run` is the fleet's folder, its control file, or an operator's credentials.
     """
     from monitor.replay.run_files import JOURNAL
-    from patrol.security.access import FILE
-    from patrol.security.credentials import MEMBER
+    from runtime.security.access import FILE
+    from runtime.security.credentials import MEMBER
 
     if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
         return run
@@ -196,7 +196,7 @@ def revoke(folder: Folder, member: Annotated[str, argument("NAME", "A robot, wor
     been restarted; without a router, each member after it has got the file mesh.json again and has been restarted.
     """
     from fogwatch.fleets.folder import THE_ROUTER, fleet_to_change, member_role
-    from patrol.security.roles import Kind
+    from runtime.security.roles import Kind
 
     if member == THE_ROUTER:
         raise BadInput(
@@ -291,7 +291,7 @@ _RESTART = "copy {} to the router's machine, and restart the router"
 def _restart_text(fleet: FleetFolder) -> str:
     """Return how others learn of a change."""
     from fogwatch.fleets.folder import THE_ROUTER
-    from patrol.security.mesh import MESH
+    from runtime.security.mesh import MESH
 
     if fleet.is_mesh:
         return f"copy {fleet.path / MESH} into the folder of each other member, on its machine, and restart it"

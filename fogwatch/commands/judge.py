@@ -44,7 +44,7 @@ def judge(
     from monitor.replay.run import prepared_in
     from monitor.replay.run_files import SUMMARY, journal_in, read_summary
     from patrol.journal import trace_hash
-    from patrol.starting.warmup import warm
+    from runtime.starting.warmup import warm
     from worldsim.verdict.agreement import differences, missing, not_repeated
 
     journal = journal_in(run)

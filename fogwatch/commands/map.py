@@ -21,7 +21,7 @@ from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
 from patrol.scenario import load_scenario, naming, open_scenario
-from patrol.starting.warmup import SELDOM, warm
+from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_align import Place

@@ -16,7 +16,7 @@ from fogwatch.cli.open_run import Key, open_folder, print_state
 from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
 from patrol.errors import BadInput
-from patrol.process.failures import INTERRUPTED
+from runtime.process.failures import INTERRUPTED
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
 
@@ -103,7 +103,7 @@ def _save_page(folders: list[Path], out: Path, key: Path | None) -> int:
 
 def _serve_page(what: Namespace, page: PageOptions) -> int:
     from monitor.process import serve, source_opener
-    from patrol.process.lifeline import heed
+    from runtime.process.lifeline import heed
 
     def opened(address: str) -> None:
         if page.browser:

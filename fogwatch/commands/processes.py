@@ -58,9 +58,11 @@ def agent(ctx: typer.Context) -> int:
 
     For a ROS 2 robot, no scenario is needed, and no ROS on this machine.
     """
-    from agent.process import main
+    from agent.process import main as drive_simulated
+    from ros2.robot import is_for_ros2
+    from ros2.robot import main as drive_ros2
 
-    return _exit_code_of(main, ctx.args)
+    return _exit_code_of(drive_ros2 if is_for_ros2(ctx.args) else drive_simulated, ctx.args)
 
 
 @command(

@@ -13,9 +13,9 @@ from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
-from patrol.process.failures import INTERRUPTED
-from patrol.process.lifeline import heed
-from patrol.starting.warmup import warm
+from runtime.process.failures import INTERRUPTED
+from runtime.process.lifeline import heed
+from runtime.starting.warmup import warm
 
 TABLES = "tables"
 
@@ -89,8 +89,8 @@ def record(
             raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
         _record_run(run, out)
         return 0
-    from patrol.process.options import meeting
-    from patrol.security.roles import Kind
+    from runtime.process.options import meeting
+    from runtime.security.roles import Kind
 
     name = meeting(fleet.credentials, fleet.router, fleet.fleet, Kind.VIEWER, Kind.OPERATOR).keys.fleet
     return _record_fleet(out or Path(f"{name}.mcap"), name, fleet, wait)

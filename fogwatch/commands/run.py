@@ -14,9 +14,9 @@ from fogwatch.cli.ending import complain
 from fogwatch.cli.options import argument, option
 from fogwatch.run_options import PRESETS, Body, Changes, RunChoices
 from patrol.errors import printable
-from patrol.process.failures import INTERRUPTED, UNKNOWN
-from patrol.process.lifeline import ending_children, heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, Scenario, naming, open_scenario, with_spares
+from runtime.process.failures import INTERRUPTED, UNKNOWN
+from runtime.process.lifeline import ending_children, heed
 
 PAGE_SPARES = 2
 """Number of robots that may join a run with a live page, unless the scenario or an option sets another."""

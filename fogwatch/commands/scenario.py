@@ -21,7 +21,7 @@ from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
-from patrol.security.private_files import fleet_key
+from runtime.security.private_files import fleet_key
 
 if TYPE_CHECKING:
     from worldsim.faults import Timeline

@@ -11,12 +11,12 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import LISTEN_S, FleetOptions, RunningFleet, Seconds, Wait
-from patrol.process.failures import INTERRUPTED
+from runtime.process.failures import INTERRUPTED
 
 if TYPE_CHECKING:
     from fogwatch.status import FleetWatch
     from monitor.observation.source import Source
-    from patrol.process.lifeline import Ending
+    from runtime.process.lifeline import Ending
 
 WRONG = 1
 WAIT_S = 5.0
@@ -54,8 +54,8 @@ def status(
     from fogwatch.status import FleetWatch
     from monitor.live.attach import find_fleet
     from monitor.process import source_opener
-    from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario
+    from runtime.process.lifeline import heed
 
     what = fleet.as_source("status", run, wait)
     if fleet.scenario is not None:

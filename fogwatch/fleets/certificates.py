@@ -16,7 +16,7 @@ from pathlib import Path
 from patrol.errors import BadInput
 from patrol.files.untrusted import CERTIFICATE as KIND
 from patrol.files.untrusted import open_untrusted
-from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY
+from runtime.security.credentials import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_DAYS = 3650
 """Validity of a fleet's authority, in days."""

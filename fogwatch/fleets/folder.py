@@ -2,7 +2,7 @@
 
     FOLDER/fleet.json     the members and former members, where they meet, and the operators' token
     FOLDER/authority/     signs certificates; stays where it is
-    FOLDER/router/        for the router's machine (`patrol.security.credentials.RouterSecurity`)
+    FOLDER/router/        for the router's machine (`runtime.security.credentials.RouterSecurity`)
     FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
     FOLDER/NAME-router/   for the Zenoh router of a ROS 2 robot: its certificate, key and authority (``*.pem``), and
@@ -31,12 +31,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
 from patrol.errors import BadInput
-from patrol.process import failures as exhausted
-from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, Credentials, as_json, router_json
-from patrol.security.keys import check_locator, fleet_keys, is_loopback, is_no_host
-from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
-from patrol.security.private_files import check_private, read_object, replace_private, write_private
-from patrol.security.roles import (
+from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
+from ros2.wire.formats import Format
+from runtime.process import failures as exhausted
+from runtime.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, Credentials, as_json, router_json
+from runtime.security.keys import check_locator, fleet_keys, is_loopback, is_no_host
+from runtime.security.mesh import MESH, Mesh, mesh_json, read_mesh
+from runtime.security.private_files import check_private, read_object, replace_private, write_private
+from runtime.security.roles import (
     OPERATOR,
     RESERVED,
     VIEWER,
@@ -48,8 +50,6 @@ from patrol.security.roles import (
     roles_of,
     router_name,
 )
-from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
-from ros2.wire.formats import Format
 
 FILE = "fleet.json"
 THE_ROUTER = "router"

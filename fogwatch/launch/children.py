@@ -2,8 +2,8 @@
 
 Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone, and what a policy starts there can
 be ended with it, unless that begins a session too. Each holds the reading end of a pipe, its lifeline, that ends when
-the launcher does, however that ends (`patrol.process.lifeline`). `ForkServer` starts the fork server
-and asks it for children, which are like any other; `patrol.starting.forking` is what the server does.
+the launcher does, however that ends (`runtime.process.lifeline`). `ForkServer` starts the fork server
+and asks it for children, which are like any other; `runtime.starting.forking` is what the server does.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from types import MappingProxyType
 
 from patrol.errors import printable
 from patrol.exchange import FIRST_INCARNATION
-from patrol.starting.environment import own_environment, room_for
-from patrol.starting.forking import Orders, ask_for_fork
-from patrol.starting.readiness import StartPipe, StartReport
+from runtime.starting.environment import own_environment, room_for
+from runtime.starting.forking import Orders, ask_for_fork
+from runtime.starting.readiness import StartPipe, StartReport
 
 TRACEBACK = b"Traceback (most recent call last):"
 LOG_LINES = 5

@@ -25,17 +25,17 @@ from fogwatch.terminal.live_table import RunDisplay
 from monitor.process import KEY
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
-from patrol.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
-from patrol.net.link import Link, LinkDown, open_link
-from patrol.net.mailbox import Mailbox
-from patrol.process.failures import BAD_INPUT, INTERRUPTED, LEAST, allow_files
-from patrol.security.access import write_pointer
-from patrol.security.credentials import read_credentials
-from patrol.security.keys import fleet_keys
-from patrol.security.roles import VIEWER, WORLD_ROLE, robot_role
-from patrol.starting.forking import can_fork
-from patrol.starting.readiness import StartFailure
 from patrol.wire import read
+from runtime.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
+from runtime.net.link import Link, LinkDown, open_link
+from runtime.net.mailbox import Mailbox
+from runtime.process.failures import BAD_INPUT, INTERRUPTED, LEAST, allow_files
+from runtime.security.access import write_pointer
+from runtime.security.credentials import read_credentials
+from runtime.security.keys import fleet_keys
+from runtime.security.roles import VIEWER, WORLD_ROLE, robot_role
+from runtime.starting.forking import can_fork
+from runtime.starting.readiness import StartFailure
 from worldsim.faults import process_name
 
 ROUTER, WORLD, PAGE = "the router", "the world", "the page"

@@ -1,7 +1,7 @@
 """The secrets of one run: a password for each role, and the operators' token, in a folder that only this user can see.
 
     ROOT/NAME/lock          held by the launcher as long as it lives
-    ROOT/NAME/router/       what the router needs (`patrol.security.credentials.RouterSecurity`)
+    ROOT/NAME/router/       what the router needs (`runtime.security.credentials.RouterSecurity`)
     ROOT/NAME/ROLE.json     the credentials of a role
 
 The folder lies outside the run's folder, which people copy, keep and share. It goes when the run ends. The next
@@ -21,11 +21,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.security.access import is_private, private_roots
-from patrol.security.credentials import ROUTER, USERS, Credentials, as_json, router_json
-from patrol.security.keys import fleet_keys
-from patrol.security.private_files import replace_private, write_private
-from patrol.security.roles import OPERATOR, WORLD_ROLE, Role, roles_of
+from runtime.security.access import is_private, private_roots
+from runtime.security.credentials import ROUTER, USERS, Credentials, as_json, router_json
+from runtime.security.keys import fleet_keys
+from runtime.security.private_files import replace_private, write_private
+from runtime.security.roles import OPERATOR, WORLD_ROLE, Role, roles_of
 
 _LOCK = "lock"
 _PART = "part-"

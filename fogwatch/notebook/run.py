@@ -23,8 +23,8 @@ from fogwatch.notebook.arguments import checked_arguments
 from monitor.replay.run_files import SUMMARY, journal_in, read_summary
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import study
-from patrol.starting.warmup import warm
 from patrol.summary.model import Summary
+from runtime.starting.warmup import warm
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
-from patrol.process.aside import Aside
-from patrol.process.failures import told
-from patrol.process.lifeline import InterruptedBySignal
-from patrol.security.private_files import fleet_key
-from patrol.starting.warmup import warm
+from runtime.process.aside import Aside
+from runtime.process.failures import told
+from runtime.process.lifeline import InterruptedBySignal
+from runtime.security.private_files import fleet_key
+from runtime.starting.warmup import warm
 
 if TYPE_CHECKING:
     from fogwatch.run_folder.runfolder import RunFolder

@@ -35,8 +35,8 @@ from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.load import FILE as SCENARIO
 from patrol.scenario.load import keep_scenario
 from patrol.scenario.sections import MAP
-from patrol.security.access import FILE as ACCESS
 from patrol.summary.model import Summary
+from runtime.security.access import FILE as ACCESS
 
 RUNS = Path("runs")
 

@@ -18,9 +18,9 @@ from rich.text import Text
 
 from patrol.errors import printable_lines
 from patrol.journal import Status
-from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice
-from patrol.starting.compiling import Compiled
-from patrol.starting.warmup import progress_line
+from runtime.messages.telemetry import FREE, TRAPPED, Metrics, Notice
+from runtime.starting.compiling import Compiled
+from runtime.starting.warmup import progress_line
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""

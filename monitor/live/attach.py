@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 from monitor.live.feed_client import FeedClient
 from patrol.errors import BadInput, Malformed
 from patrol.files.untrusted import leads_out
-from patrol.messages.feed import SoFar, read_so_far
-from patrol.net.link import Link
-from patrol.net.open_links import open_links
-from patrol.process.options import Meeting, meeting
-from patrol.reporting.logs import Log
-from patrol.security.access import FILE, read_access
-from patrol.security.credentials import MEMBER
-from patrol.security.keys import callers_of, check_radio, fleet_keys
-from patrol.security.roles import Kind
+from runtime.messages.feed import SoFar, read_so_far
+from runtime.net.link import Link
+from runtime.net.open_links import open_links
+from runtime.process.options import Meeting, meeting
+from runtime.reporting.logs import Log
+from runtime.security.access import FILE, read_access
+from runtime.security.credentials import MEMBER
+from runtime.security.keys import callers_of, check_radio, fleet_keys
+from runtime.security.roles import Kind
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
-    from patrol.process.lifeline import Ending
     from patrol.scenario import Scenario
+    from runtime.process.lifeline import Ending
 
 SCENARIO = "scenario.yaml"
 """Name of the scenario's file in a run's folder."""
@@ -62,7 +62,7 @@ def open_fleet(
     `radio` or, if that is None, the router. `key` is the file of the fleet's key, where there is a world; without it
     the tags of messages stay unchecked.
     """
-    from patrol.security.private_files import fleet_key
+    from runtime.security.private_files import fleet_key
 
     if key is not None and scenario is not None:
         raise BadInput(f"--key {key}: the scenario of robots without a world names their key; leave the option out")

@@ -9,15 +9,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from monitor.observation.source import Answer
-from patrol.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch
-from patrol.messages.telemetry import EVENTS, MAX_NOTICE, WAITS, Notice
-from patrol.net.mailbox import Mailbox, Presence
-from patrol.security.control_auth import ControlClient, Unanswered
-from patrol.security.keys import WORLD, FleetKeys
 from patrol.wire import read, read_sparingly
+from runtime.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch
+from runtime.messages.telemetry import EVENTS, MAX_NOTICE, WAITS, Notice
+from runtime.net.mailbox import Mailbox, Presence
+from runtime.security.control_auth import ControlClient, Unanswered
+from runtime.security.keys import WORLD, FleetKeys
 
 if TYPE_CHECKING:
-    from patrol.net.link import Link
+    from runtime.net.link import Link
 
 ROOM = 512
 """Capacity of the queue of batches. A slower viewer misses some and requests the fog again."""

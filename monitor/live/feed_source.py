@@ -1,6 +1,6 @@
 """The source for a running fleet with a world: its feed gives the true fog, and from it follow the robots' beliefs.
 
-The journal's records arrive in batches (`patrol.messages.feed`). At the start, and whenever a batch is missing, the
+The journal's records arrive in batches (`runtime.messages.feed`). At the start, and whenever a batch is missing, the
 source requests the fog so far from the world. Only the true fog is always up to date. The fogs that follow from heard
 positions are computed on demand from the ticks kept in memory.
 """
@@ -41,7 +41,6 @@ from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
-from patrol.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import inboxes_of, prepare, sensor_footprint
 from patrol.radio.message import as_received
@@ -56,6 +55,7 @@ from patrol.scenario.controls import (
     worded,
 )
 from patrol.scenario.marks import looks_at
+from runtime.messages.feed import Batch, SoFar, read_so_far
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient

@@ -18,25 +18,25 @@ from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Se
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
-from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
-from patrol.messages.telemetry import Telemetry
-from patrol.net.mailbox import FrameMailbox, Mailbox, Presence
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.scenario import as_mapping
 from patrol.scenario.marks import looks_at
-from patrol.security.keys import robot_of
-from patrol.security.private_files import fleet_key
 from patrol.wire import read
+from runtime.messages.stop_orders import Order, ask_robots, robots_to_ask
+from runtime.messages.telemetry import Telemetry
+from runtime.net.mailbox import FrameMailbox, Mailbox, Presence
+from runtime.security.keys import robot_of
+from runtime.security.private_files import fleet_key
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.net.link import Link
-    from patrol.net.mailbox import Air
     from patrol.pose import Pose
     from patrol.prepare import Prepared
-    from patrol.security.keys import FleetKeys
+    from runtime.net.link import Link
+    from runtime.net.mailbox import Air
+    from runtime.security.keys import FleetKeys
 
 MAX_TELEMETRY = 1 << 16
 ROBOTS_S = 5.0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from patrol.errors import BadInput, Malformed
 from patrol.journal import unpack
 from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, TickRecord
-from patrol.messages.feed import longest_record
 from patrol.scenario import Scenario, load_scenario, same_but_for_files
-from patrol.security.control_auth import MAX_CONTROL
+from runtime.messages.feed import longest_record
+from runtime.security.control_auth import MAX_CONTROL
 
 MAX_TEXT = 500
 """Characters of the longest name, state or kind of event."""

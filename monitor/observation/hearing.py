@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection
 
-from patrol.messages.telemetry import Traffic
+from runtime.messages.telemetry import Traffic
 
 ENOUGH = 10
 """A robot that reports none of so many frames of a sender does not hear it. Where 30 % are lost, all ten are in one of

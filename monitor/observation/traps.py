@@ -14,7 +14,7 @@ from patrol.closures.open_ground import OpenGround
 from patrol.journal.records import Event, Status
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
-from patrol.messages.telemetry import FREE, TRAPPED
+from runtime.messages.telemetry import FREE, TRAPPED
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,7 +11,7 @@ import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from patrol.security.keys import is_loopback
+from runtime.security.keys import is_loopback
 
 MIN_TOKEN_LENGTH = 16
 """Characters of the shortest token that is accepted."""

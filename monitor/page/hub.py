@@ -25,7 +25,7 @@ from monitor.page.messages import (
     thinned,
     trail_message,
 )
-from patrol.reporting.vitals import MFOW, PAGES, TICK, Vitals
+from runtime.reporting.vitals import MFOW, PAGES, TICK, Vitals
 
 FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 """Wall time between two frames of a replay, and of a live fleet, with which the page shares the processors."""

@@ -24,9 +24,9 @@ from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, terrain_of
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import worded
-from patrol.security.private_files import fleet_key
 from patrol.summary.model import RobotFigures, Summary
 from patrol.summary.totals import RunTotals, count_frames
+from runtime.security.private_files import fleet_key
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""

@@ -18,9 +18,9 @@ from patrol.errors import BadInput, quoted
 from patrol.extras import study
 from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
-from patrol.process.aside import Aside
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled
+from runtime.process.aside import Aside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -27,11 +27,11 @@ from patrol.extras import check_matplotlib
 from patrol.files.whole_file import write_whole, writing
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
-from patrol.process.aside import in_two
 from patrol.scenario.patrols import describe_patrol
 from patrol.summary.features import FEATURES, Feature
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import CheckFacts, FaultFacts, RobotFigures
+from runtime.process.aside import in_two
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100

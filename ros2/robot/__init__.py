@@ -27,13 +27,14 @@ What connects them:
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Drive a ROS 2 robot until asked to leave."""
-    from patrol.process.context import ProcessContext, run_with
     from ros2.robot.options import options_of
+    from runtime.process.context import ProcessContext, run_with
 
     def drive_robot(process: ProcessContext) -> int:
         from ros2.robot.process import drive  # loads much, and --help need not wait for it
@@ -41,3 +42,15 @@ def main(arguments: Sequence[str]) -> int:
         return drive(process)
 
     return run_with(options_of(arguments), "robot", drive_robot)
+
+
+def is_for_ros2(arguments: Sequence[str]) -> bool:
+    """Return True if a command line of ``fogwatch agent`` is meant for a ROS 2 robot.
+
+    A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
+    router nor a namespace.
+    """
+    words = [word for token in arguments for word in (token.split("=", 1) if token.startswith("--") else [token])]
+    robot = next((second for first, second in itertools.pairwise(words) if first == "--robot"), "")
+    option = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
+    return option is not None and (option in words or "--scenario" not in words)

@@ -16,13 +16,7 @@ from agent.own_robot import Site
 from agent.ports import Decision, FleetClock, Telemetry
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.messages.phases import PHASE_B_SHARE
-from patrol.messages.stop_orders import Order, Outcome, StopOrders
 from patrol.pose import Command
-from patrol.process.context import ProcessContext
-from patrol.process.lifeline import rest_before_pause
-from patrol.reporting.logs import Log
-from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from patrol.scenario import Scenario
 from ros2.robot.diagnostics import Diagnostics, Patrolling
 from ros2.robot.fence import Fence, Others
@@ -32,6 +26,12 @@ from ros2.robot.localisation import Fix
 from ros2.robot.shown import Shown, show_map
 from ros2.robot.steering import GoalSteering, Place, Steering, VelocitySteering
 from ros2.robot.stops import DriverFailed, Standing, Stopper
+from runtime.messages.phases import PHASE_B_SHARE
+from runtime.messages.stop_orders import Order, Outcome, StopOrders
+from runtime.process.context import ProcessContext
+from runtime.process.lifeline import rest_before_pause
+from runtime.reporting.logs import Log
+from runtime.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 
 REACTION_S = 0.1
 """Time from the reception of a command until the robot brakes, s."""

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose
-from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
 from ros2.wire.names import check_name
+from runtime.process.options import ProcessParser
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
@@ -135,7 +135,7 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
 
 
-def options_of(arguments: Sequence[str]) -> argparse.Namespace:
+def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Read a command line."""
     return ros2_parser().parse_args(arguments)
 

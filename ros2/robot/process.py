@@ -16,14 +16,9 @@ from agent.ports import Robot
 from patrol.errors import BadInput, NotPrepared
 from patrol.files.whole_file import writing
 from patrol.ground.terrain import Terrain
-from patrol.net.link import LinkDown
 from patrol.pose import Pose
 from patrol.prepare import terrain_of
-from patrol.process.context import AskedToLeave, ProcessContext
 from patrol.scenario import RobotSpec, Scenario, dump_scenario, load_scenario, naming, parse_overrides
-from patrol.security.credentials import read_credentials
-from patrol.security.keys import check_locator, check_radio
-from patrol.security.roles import Kind, robot_role
 from patrol.starts import place_starts
 from ros2.robot.hardware import Hardware, Rivals
 from ros2.robot.initial import InitialPose
@@ -38,6 +33,11 @@ from ros2.wire.messages import OccupancyGrid, PoseWithCovarianceStamped
 from ros2.wire.names import LATCHED, NodeName, check_name, domain_given
 from ros2.wire.ports import Ros2Link
 from ros2.wire.rclpy_link import RclpyLink, import_rclpy
+from runtime.net.link import LinkDown
+from runtime.process.context import AskedToLeave, ProcessContext
+from runtime.security.credentials import read_credentials
+from runtime.security.keys import check_locator, check_radio
+from runtime.security.roles import Kind, robot_role
 
 FLEET = "patrol"
 """The fleet's name unless options say otherwise."""

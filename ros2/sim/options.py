@@ -9,9 +9,9 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.pose import MODELS
-from patrol.process.options import ProcessParser
 from ros2.robot.options import check_ranges
 from ros2.sim.node import DRIVES
+from runtime.process.options import ProcessParser
 
 FORMAT = "rmw_zenoh"
 MOST_ROBOTS = 64

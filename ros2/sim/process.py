@@ -15,16 +15,10 @@ from patrol.classes.named_class import NamedClass
 from patrol.classes.static_check import announce
 from patrol.errors import BadInput
 from patrol.files.whole_file import writing
-from patrol.net.link import LinkDown
 from patrol.own_sensor import allow_sensor, sensor_named
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
-from patrol.process.context import AskedToLeave, ProcessContext, run_with
-from patrol.process.failures import INTERRUPTED
-from patrol.process.lifeline import Ending
-from patrol.reporting.vitals import COMMANDS, MFOW, TICK, Vitals
 from patrol.scenario import Scenario, load_scenario, naming
-from patrol.security.keys import check_locator
 from ros2.sim.bodies import BODIES, bodies_named
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import Errors
@@ -35,6 +29,12 @@ from ros2.wire.formats import format_named
 from ros2.wire.frames import pose_given
 from ros2.wire.link import open_ros2
 from ros2.wire.names import NodeName, check_name
+from runtime.net.link import LinkDown
+from runtime.process.context import AskedToLeave, ProcessContext, run_with
+from runtime.process.failures import INTERRUPTED
+from runtime.process.lifeline import Ending
+from runtime.reporting.vitals import COMMANDS, MFOW, TICK, Vitals
+from runtime.security.keys import check_locator
 from worldsim.truth import Truth
 
 Note = Callable[[float, Mapping[str, Pose]], None]

@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patrol.security.roles import ALL_MESSAGES, BOTH_WAYS, COMMON_NAMES, Rights, deny_all_but, rule, rules_of
 from ros2.wire.formats import Format
 from ros2.wire.goals import NAME
 from ros2.wire.names import ADMIN_SPACE, EntityKind, full_name, mangled
+from runtime.security.roles import ALL_MESSAGES, BOTH_WAYS, COMMON_NAMES, Rights, deny_all_but, rule, rules_of
 
 COMMANDS = ("cmd_vel", "ackermann_cmd")
 """Topics by which an agent drives its robot, relative to its namespace."""

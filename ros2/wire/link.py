@@ -13,18 +13,18 @@ import zenoh
 from zenoh.ext import CacheConfig, HistoryConfig, declare_advanced_publisher, declare_advanced_subscriber
 
 from patrol.errors import Malformed, printable
-from patrol.net.link import CLOSE_S, close_session, open_session
-from patrol.net.queries import answers_of
-from patrol.net.settings import client_settings
 from ros2.wire.codec import CODINGS, decode, encode
 from ros2.wire.definitions import NO_HASH, store
 from ros2.wire.formats import Attachment, Format, Origin, attachment_of, gid_of, other_format
 from ros2.wire.mailbox import Ear, Received, RosMailbox
 from ros2.wire.names import SERVICE, USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from ros2.wire.ports import Asked, Sender, Service
+from runtime.net.link import CLOSE_S, close_session, open_session
+from runtime.net.queries import answers_of
+from runtime.net.settings import client_settings
 
 if TYPE_CHECKING:
-    from patrol.security.credentials import Credentials
+    from runtime.security.credentials import Credentials
 
 LEASE_S = 2.0
 """Silence after which a node is gone for the router, s. Messages that wait for it are dropped then: a command or a pose

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from threading import Condition
 from typing import Generic, TypeVar
 
-from patrol.net.mailbox import Payload
 from ros2.wire.formats import attachment_of
+from runtime.net.mailbox import Payload
 
 # Any node may send, and a flood of keys or bytes must not fill the memory.
 _MOST_KEYS = 64

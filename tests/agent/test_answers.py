@@ -11,8 +11,8 @@ import pytest
 
 from agent.answers import checked, policy_failure
 from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
-from patrol.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
+from runtime.messages.phases import MAX_STATE
 
 # Not the product's own, so that a wrong one there is noticed.
 MAX_FAILURE = 300

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from agent.own_robot import LateClock, WatchedRadio
 from agent.robots.clock import KeptClock, epoch_of, latest_tick
 from agent.robots.direct import ROOM, DirectRadio, Skew
-from patrol.messages.phases import PHASE_B_SHARE
-from patrol.net.mailbox import FrameMailbox
 from patrol.pose import Pose
 from patrol.radio.message import MAX_SEQUENCE, MAX_TIME_MS, Position, encode, ms_to_s
-from patrol.security.keys import FleetKeys
+from runtime.messages.phases import PHASE_B_SHARE
+from runtime.net.mailbox import FrameMailbox
+from runtime.security.keys import FleetKeys
 
 # Not the product's own, so that a wrong one there is noticed.
 COMPLAIN_S = 10.0

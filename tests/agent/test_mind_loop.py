@@ -20,11 +20,11 @@ from agent.robots.fake import FakeRobot
 from agent.view import View
 from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
-from patrol.messages.telemetry import Telemetry
 from patrol.pose import Pose, Velocity
 from patrol.radio.message import decode
 from patrol.scenario import load_scenario
 from patrol.wire import read
+from runtime.messages.telemetry import Telemetry
 from tests.agent.minds import STEP, prepared_on
 from tests.present import present
 

@@ -13,10 +13,10 @@ import pytest
 
 from agent.own_robot import drive
 from examples.my_robot import MyRobot
-from patrol.net.link import open_link
-from patrol.net.mailbox import Mailbox
 from patrol.radio.message import MAX_FRAME, decode
-from patrol.security.keys import fleet_keys, robot_of
+from runtime.net.link import open_link
+from runtime.net.mailbox import Mailbox
+from runtime.security.keys import fleet_keys, robot_of
 from tests.worldsim.test_fleet_by_hand import Hand
 
 # Not the product's own, so that a wrong one there is noticed.
@@ -28,7 +28,7 @@ import sys
 from argparse import Namespace
 from agent.own_robot import Ticks, patrol_with
 from examples.my_robot import MyRobot
-from patrol.process.context import run_with
+from runtime.process.context import run_with
 from patrol.scenario import load_scenario
 scenario, router, fleet, name, epoch_s = sys.argv[1:]
 options = Namespace(credentials=None, router=router, fleet=fleet, radio=None, wait=600.0)

@@ -28,7 +28,7 @@ from worldsim.verdict.judge import Verdict
 LIMIT_S = 600.0
 """Wall time after which a run, which should take seconds, is broken off."""
 
-PACKAGES = ("patrol", "agent", "worldsim", "fogwatch", "experiments")
+PACKAGES = ("patrol", "runtime", "agent", "worldsim", "fogwatch", "experiments")
 TRACES_DIFFER = "traces differ"
 DIRECTLY = "by direct radio"
 """The way in which robots hear each other over the network, at a pace."""

@@ -9,13 +9,13 @@ from pathlib import Path
 import agent.process
 import fogwatch.router
 import monitor.process
-from agent.process import is_for_ros2
 from ros2.robot.options import options_of
 from worldsim.process import world_parser
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 READERS: dict[str, Callable[[Sequence[str]], Namespace]] = {
-    "agent": lambda words: (options_of if is_for_ros2(words) else agent.process.simulated_parser().parse_args)(words),
+    "agent": agent.process.simulated_parser().parse_args,
+    "ros2.robot": options_of,
     "fogwatch.router": fogwatch.router.router_parser().parse_args,
     "monitor": monitor.process.page_parser().parse_args,
     "worldsim": world_parser().parse_args,

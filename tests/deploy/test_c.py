@@ -15,12 +15,12 @@ from typing import Any
 
 import pytest
 
-from patrol.net.mailbox import Mailbox
-from patrol.net.multicast import Group, open_group
-from patrol.net.serial_line import END, Unpacker, open_serial, packet
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAME, Position, Rejected, decode, encode
 from patrol.random import mix
+from runtime.net.mailbox import Mailbox
+from runtime.net.multicast import Group, open_group
+from runtime.net.serial_line import END, Unpacker, open_serial, packet
 from tests.routers import free_port
 from tests.serial_lines import Modems
 

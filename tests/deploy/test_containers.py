@@ -95,7 +95,16 @@ def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular(
     lines = CONTAINERFILE.splitlines()
     copies = [line.split()[1:-1] for line in lines if line.startswith("COPY ") and "--from" not in line]
     copied = {word for words in copies for word in words}
-    assert {"requirements-run.lock", "pyproject.toml", "patrol", "agent", "worldsim", "monitor", "fogwatch"} <= copied
+    assert {
+        "requirements-run.lock",
+        "pyproject.toml",
+        "patrol",
+        "runtime",
+        "agent",
+        "worldsim",
+        "monitor",
+        "fogwatch",
+    } <= copied
     assert not [name for name in copied if not (ROOT / name).exists()]
     assert len({line.split()[1] for line in lines if line.startswith("FROM ")} - {"base"}) == 1
     assert [line.split()[1] for line in lines if line.startswith("USER ")] == ["10001"]

@@ -15,8 +15,8 @@ import yaml
 
 from patrol.journal.records import Status
 from patrol.radio.message import RejectReason
-from patrol.reporting import vitals
-from patrol.reporting.vitals import Figure, Kind
+from runtime.reporting import vitals
+from runtime.reporting.vitals import Figure, Kind
 
 FOLDER = Path(__file__).resolve().parents[2] / "deploy" / "metrics"
 DASHBOARD: dict[str, Any] = json.loads((FOLDER / "dashboard.json").read_text(encoding="utf-8"))

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from fogwatch.fleets.folder import make_fleet
-from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, read_credentials
-from patrol.security.mesh import MESH
+from runtime.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, read_credentials
+from runtime.security.mesh import MESH
 from tests.deploy.command_lines import DEPLOY, options_in
 from tests.routers import needs_openssl
 
@@ -56,7 +56,7 @@ def test_there_is_a_unit_for_each_process() -> None:
     assert started == {
         "fogwatch-agent@": "agent",
         "fogwatch-monitor": "monitor",
-        "fogwatch-ros2-agent@": "agent",
+        "fogwatch-ros2-agent@": "ros2.robot",
         "fogwatch-router": "fogwatch.router",
         "fogwatch-world": "worldsim",
     }

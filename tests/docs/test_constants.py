@@ -31,16 +31,16 @@ from monitor.page.authorisation import MIN_TOKEN_LENGTH
 from monitor.page.hub import TRAIL
 from patrol.closures.spec import MOST_CLOSURES
 from patrol.measures import best_tour, nodes, stays
-from patrol.net.settings import MOST_STRANGERS
-from patrol.process.deadline import DECISION_LIMIT_S, MOST_CALLS
 from patrol.radio import message
 from patrol.regions.pieces import MOST_CORNERS, POCKET, SMOOTHED
-from patrol.reporting import metrics
 from patrol.scenario import step
 from patrol.tours import search
 from patrol.tours.round import STRETCH
 from patrol.zones import division, spec
 from ros2.robot import steering, stops
+from runtime.net.settings import MOST_STRANGERS
+from runtime.process.deadline import DECISION_LIMIT_S, MOST_CALLS
+from runtime.reporting import metrics
 from worldsim.checks import bodies, progress
 from worldsim.output.traffic import MOST_ROBOTS
 from worldsim.radio.rules import LEAST_BUCKET

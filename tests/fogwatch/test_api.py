@@ -12,9 +12,9 @@ from bench.grounds import write_map
 from fogwatch.run_folder import runfolder
 from patrol.errors import BadInput
 from patrol.journal import read_journal
-from patrol.messages.telemetry import Metrics
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.load import keep_scenario
+from runtime.messages.telemetry import Metrics
 from tests.fleets import COARSE, python
 
 ROBOTS = {"count": 2, "model": "holonomic"}

@@ -14,7 +14,7 @@ from monitor.observation.source import RobotShape, RobotState, State, Static, Tr
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import Status
 from patrol.pose import Pose
-from patrol.process.lifeline import Ending
+from runtime.process.lifeline import Ending
 
 GROUND = np.ones((2, 2), bool)
 ROBOTS = RobotShape(1, "anna", "car", 1.0, 10.0, 360.0), RobotShape(2, "bert", "car", 1.0, 10.0, 360.0, spare=True)

@@ -11,7 +11,7 @@ import pytest
 import patrol
 from fogwatch.notebook.arguments import policy_name
 from fogwatch.own_packages import NAMES
-from patrol.starting import environment
+from runtime.starting import environment
 from tests.fleets import python
 
 HOME = Path(patrol.__file__).parents[1]

@@ -17,13 +17,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from patrol.messages.phases import PhaseA, decode_to_robot
-from patrol.net.link import LEASE_S
-from patrol.net.settings import client_settings
 from patrol.scenario import load_scenario
-from patrol.security.access import credentials_at
-from patrol.security.keys import FleetKeys, fleet_keys
-from patrol.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
+from runtime.messages.phases import PhaseA, decode_to_robot
+from runtime.net.link import LEASE_S
+from runtime.net.settings import client_settings
+from runtime.security.access import credentials_at
+from runtime.security.keys import FleetKeys, fleet_keys
+from runtime.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
 
 PATIENCE_S = 300.0
 _KEPT = 10_000

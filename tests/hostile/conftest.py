@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from patrol.journal import read_journal
-from patrol.net.link import open_link
-from patrol.security.access import FILE, read_access
-from patrol.security.control_auth import ControlClient, Unanswered
-from patrol.security.keys import fleet_keys
+from runtime.net.link import open_link
+from runtime.security.access import FILE, read_access
+from runtime.security.control_auth import ControlClient, Unanswered
+from runtime.security.keys import fleet_keys
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run, start
 from tests.hostile.attacker import Attacker

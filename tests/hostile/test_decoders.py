@@ -23,9 +23,16 @@ from hypothesis import strategies as st
 from patrol.errors import BadInput, Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
-from patrol.messages.feed import MAX_ANSWER as MAX_SO_FAR
-from patrol.messages.feed import MAX_BATCH, Batch, batch_bytes, longest_record, read_so_far
-from patrol.messages.phases import (
+from patrol.pose import Pose, Velocity
+from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
+from patrol.radio.message import decode as decode_frame
+from patrol.radio.message import encode as encode_frame
+from patrol.random import Draws, Purpose
+from patrol.scenario.controls import read_control
+from patrol.wire import read, read_sparingly
+from runtime.messages.feed import MAX_ANSWER as MAX_SO_FAR
+from runtime.messages.feed import MAX_BATCH, Batch, batch_bytes, longest_record, read_so_far
+from runtime.messages.phases import (
     MAX_REPLY,
     Failed,
     Farewell,
@@ -41,7 +48,7 @@ from patrol.messages.phases import (
     encode,
     max_to_robot,
 )
-from patrol.messages.telemetry import (
+from runtime.messages.telemetry import (
     MAX_NOTICE,
     Metrics,
     Notice,
@@ -52,15 +59,15 @@ from patrol.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.pose import Pose, Velocity
-from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
-from patrol.radio.message import decode as decode_frame
-from patrol.radio.message import encode as encode_frame
-from patrol.random import Draws, Purpose
-from patrol.scenario.controls import read_control
-from patrol.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, RequestRefused, Unanswered
-from patrol.security.keys import fleet_keys
-from patrol.wire import read, read_sparingly
+from runtime.security.control_auth import (
+    MAX_ANSWER,
+    MAX_REQUEST,
+    ControlClient,
+    ControlGate,
+    RequestRefused,
+    Unanswered,
+)
+from runtime.security.keys import fleet_keys
 from tests.fleets import answer_so_far
 from tests.hostile.strangers.payloads import changed, noise
 

@@ -15,11 +15,11 @@ from monitor.live.attach import open_fleet
 from monitor.observation.source import Source, State
 from patrol.journal import pack, unpack
 from patrol.journal.records import End
-from patrol.messages.feed import FOG, MAX_BATCH, TICKS, Batch, batch_bytes, so_far_bytes
-from patrol.net.link import Link, open_link
-from patrol.net.mailbox import Mailbox, Question
-from patrol.process.lifeline import Ending
-from patrol.security.keys import WORLD, FleetKeys
+from runtime.messages.feed import FOG, MAX_BATCH, TICKS, Batch, batch_bytes, so_far_bytes
+from runtime.net.link import Link, open_link
+from runtime.net.mailbox import Mailbox, Question
+from runtime.process.lifeline import Ending
+from runtime.security.keys import WORLD, FleetKeys
 from tests.monitor.conftest import Seen, quiet
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.routers import PATIENCE_S

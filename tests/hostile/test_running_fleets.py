@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from patrol.messages.feed import FOG
-from patrol.messages.phases import ANYONE, HelloReply, PhaseB, Stop, encode
-from patrol.security.control_auth import ASK, CHALLENGE, NONCE
+from runtime.messages.feed import FOG
+from runtime.messages.phases import ANYONE, HelloReply, PhaseB, Stop, encode
+from runtime.security.control_auth import ASK, CHALLENGE, NONCE
 from tests.hostile.conftest import Attack, Target
 
 pytestmark = pytest.mark.processes

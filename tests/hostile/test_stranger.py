@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from patrol.net.link import open_link
 from patrol.random import Draws, Purpose
 from patrol.scenario import load_scenario
-from patrol.security.keys import fleet_keys
-from patrol.security.roles import VIEWER
+from runtime.net.link import open_link
+from runtime.security.keys import fleet_keys
+from runtime.security.roles import VIEWER
 from tests.fleets import COARSE
 from tests.hostile.strangers.door import CONNECTIONS, LET_IN, Door, begin_well, knock, send_noise
 from tests.hostile.strangers.judge import problems

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from monitor.observation.source import Source
 from monitor.process import serve
-from patrol.process.lifeline import Ending
+from runtime.process.lifeline import Ending
 from tests.browser import Look
 
 PATIENCE_S = 180.0

@@ -21,8 +21,10 @@ from patrol.errors import Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import End, Event, Header, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord, pack, unpack
 from patrol.journal.links import Drops, Links
-from patrol.messages.feed import Batch, batch_bytes, read_so_far
-from patrol.messages.phases import (
+from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
+from runtime.messages.feed import Batch, batch_bytes, read_so_far
+from runtime.messages.phases import (
     Failed,
     Farewell,
     Hello,
@@ -36,10 +38,8 @@ from patrol.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.messages.stop_orders import Order, Outcome, outcome_of
-from patrol.messages.telemetry import Metrics, Notice, RobotView, Telemetry, Traffic, pack_view, read_traffic
-from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
+from runtime.messages.stop_orders import Order, Outcome, outcome_of
+from runtime.messages.telemetry import Metrics, Notice, RobotView, Telemetry, Traffic, pack_view, read_traffic
 from tests.fleets import answer_so_far
 
 HEAD = (1, 2**63 - 1, 70_000, 9)

@@ -67,8 +67,19 @@ class Site:
         """Start what drives the robot."""
         bridged = ["--robot", "ros2", "--format", "bridge", "--connect"]
         reach = bridged if self.kind == "bridge" else ["--robot", "rclpy", "--router"]
-        words = ["-P", "-m", "agent", *reach, self.endpoint, "--namespace", base.NAMESPACE, "--localisation", "pose"]
-        body = ["--map", str(OFFICE), "--radius", str(RADIUS), "--speed", "1", "--wait", str(PATIENCE_S)]
+        words = ["-P", "-m", "ros2.robot", *reach, self.endpoint, "--namespace", base.NAMESPACE]
+        body = [
+            "--localisation",
+            "pose",
+            "--map",
+            str(OFFICE),
+            "--radius",
+            str(RADIUS),
+            "--speed",
+            "1",
+            "--wait",
+            str(PATIENCE_S),
+        ]
         self._start("agent", [*words, *body, "--state", str(self.folder / "state")])
 
     def kill(self, name: str) -> None:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.failures import CRASHED
 from ros2.wire.definitions import CANCEL_GOAL
 from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import (
@@ -25,6 +24,7 @@ from ros2.wire.messages import (
 from ros2.wire.names import LATCHED, SENSOR, USUAL, EntityKind, NodeName, Qos
 from ros2.wire.ports import Sender, Service
 from ros2.wire.rclpy_link import RclpyLink, import_rclpy
+from runtime.process.failures import CRASHED
 from tests.present import present
 from tests.ros.site import OFFICE
 from tests.routers import PATIENCE_S

@@ -15,11 +15,11 @@ import pytest
 import fogwatch
 from patrol.exchange import Sensed
 from patrol.journal import read_journal
-from patrol.messages.phases import PhaseA, ReplyA, Stop, encode
-from patrol.net.link import open_link
 from patrol.pose import Pose
 from patrol.scenario import load_scenario, scenario_hash
-from patrol.security.keys import WORLD, FleetKeys
+from runtime.messages.phases import PhaseA, ReplyA, Stop, encode
+from runtime.net.link import open_link
+from runtime.security.keys import WORLD, FleetKeys
 from tests.fleets import Processes, trace_of
 from tests.routers import free_endpoint
 from worldsim.run_record import DESERTED

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from patrol.errors import BadInput
-from patrol.net.mailbox import Question
 from patrol.scenario.controls import Answer, Pause
-from patrol.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
-from patrol.security.keys import FleetKeys
+from runtime.net.mailbox import Question
+from runtime.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
+from runtime.security.keys import FleetKeys
 from worldsim.controls import ControlMailbox, answer_challenge
 
 # Not the product's own, so that a wrong one there is noticed.

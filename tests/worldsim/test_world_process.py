@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from patrol.process.lifeline import Ending
-from patrol.process.options import Meeting
-from patrol.security.credentials import Credentials
-from patrol.security.keys import fleet_keys
-from patrol.security.roles import WORLD_ROLE
+from runtime.process.lifeline import Ending
+from runtime.process.options import Meeting
+from runtime.security.credentials import Credentials
+from runtime.security.keys import fleet_keys
+from runtime.security.roles import WORLD_ROLE
 from worldsim.process import _missing_remedy, main
 
 
@@ -38,12 +38,12 @@ def test_a_link_is_closed_once_where_the_next_does_not_come(
         told.append(say)
         return (link, air if apart else link) if len(told) == 1 else None
 
-    monkeypatch.setattr("patrol.net.open_links.open_links", open_links)
+    monkeypatch.setattr("runtime.net.open_links.open_links", open_links)
     file = tmp_path / "scenario.yaml"
     scenario = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": [{"model": "holonomic"}]}
     file.write_text(json.dumps(scenario), encoding="utf-8")
     words = ["--router", "tcp/127.0.0.1:7447", "--fleet", "f", "--scenario", str(file), "--out", str(tmp_path / "run")]
-    monkeypatch.setattr("patrol.process.context.heed", lambda *_, **__: Ending())
+    monkeypatch.setattr("runtime.process.context.heed", lambda *_, **__: Ending())
     assert main(words) == 130
     assert (link.closed, air.closed) == (1, int(apart))
     assert len(set(told)) == 2, "what waits for the same router says so once"

@@ -20,7 +20,7 @@ from patrol.prepare import inboxes_of
 from patrol.radio.inbox import heard_by
 from patrol.radio.message import CONTACT, Position
 from patrol.scenario.radio_spec import MODELS
-from patrol.security.private_files import fleet_key
+from runtime.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, Check
 from worldsim.checks.fates import sent_links
 from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of

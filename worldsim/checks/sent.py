@@ -30,7 +30,7 @@ from patrol.radio.message import (
     s_to_ms,
 )
 from patrol.radio.peers import Predictor
-from patrol.security.private_files import fleet_key
+from runtime.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, TAGS_NOT_JUDGED, Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround
 from worldsim.robots.senses import Senses

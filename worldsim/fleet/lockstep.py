@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.messages.phases import ReplyA, ReplyB
-from patrol.process.deadline import ANSWER_S
+from runtime.messages.phases import ReplyA, ReplyB
+from runtime.process.deadline import ANSWER_S
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.messages.phases import PHASE_B_SHARE, ReplyA, ReplyB
+from runtime.messages.phases import PHASE_B_SHARE, ReplyA, ReplyB
 from worldsim.fleet.lockstep import drain, router_notes
 from worldsim.fleet.sessions import Sessions
 

@@ -1,6 +1,6 @@
 """The world's sessions with the robots' processes: which process speaks for which robot, and which are gone.
 
-`patrol.messages.session` holds the rules for seats and messages. `Sessions` waits for messages, hands them to the
+`runtime.messages.session` holds the rules for seats and messages. `Sessions` waits for messages, hands them to the
 world's end of that robot's session and carries out the effects.
 
 A robot's liveliness token goes when its process ends, when its connection does, and with all others when the router
@@ -20,10 +20,10 @@ from typing import NoReturn
 
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToWorld, encode
-from patrol.messages.session import Deliver, Effects, Refuse, SeatStage, Send, Unlike, WorldEnd, WorldRun
-from patrol.net.mailbox import Presence
-from patrol.security.keys import FleetKeys
+from runtime.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToWorld, encode
+from runtime.messages.session import Deliver, Effects, Refuse, SeatStage, Send, Unlike, WorldEnd, WorldRun
+from runtime.net.mailbox import Presence
+from runtime.security.keys import FleetKeys
 from worldsim.mailbox import AnswersMailbox
 
 

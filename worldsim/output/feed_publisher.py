@@ -18,14 +18,14 @@ from patrol.closures.ground import closure_of
 from patrol.energy.batteries import Batteries
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
-from patrol.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
 from patrol.scenario.controls import OPERATOR
+from runtime.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
 
 if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
-    from patrol.net.mailbox import Question
     from patrol.prepare import Prepared
+    from runtime.net.mailbox import Question
     from worldsim.controls import RunState
     from worldsim.mailbox import Mailbox
     from worldsim.world import World

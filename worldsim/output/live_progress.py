@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from patrol.closures.open_ground import OpenGround
 from patrol.journal import Status
 from patrol.measures.progress import Trap, Traps
-from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
+from runtime.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 
 if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord

@@ -15,7 +15,7 @@ from patrol.faults.kinds import Spoof
 from patrol.journal.links import NO_DROPS, Drops, Links, WholeLinks, to_others
 from patrol.journal.records import Status
 from patrol.radio.inbox import Heard
-from patrol.security.private_files import fleet_key
+from runtime.security.private_files import fleet_key
 from worldsim.radio.fates import STRANGER, Fates, Forged, Sent
 from worldsim.radio.forging import MEMORY, Forger
 from worldsim.radio.models import OnAir, cause_of

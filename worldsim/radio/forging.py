@@ -18,7 +18,7 @@ from patrol.journal.records import Status
 from patrol.pose import Pose
 from patrol.radio.message import MAX_ROBOT, Position, encode
 from patrol.random import Purpose, draw, mix
-from patrol.security.private_files import fleet_key
+from runtime.security.private_files import fleet_key
 from worldsim.radio.fates import STRANGER, Forged
 
 if TYPE_CHECKING:

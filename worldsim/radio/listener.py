@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.exchange import FIRST_INCARNATION
-from patrol.messages.telemetry import Traffic
 from patrol.radio.message import CONTACT, Rejected, decode
-from patrol.security.keys import FleetKeys, robot_of
+from runtime.messages.telemetry import Traffic
+from runtime.security.keys import FleetKeys, robot_of
 
 if TYPE_CHECKING:
     from worldsim.mailbox import AnswersMailbox

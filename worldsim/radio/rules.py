@@ -33,9 +33,9 @@ from patrol.faults.kinds import (
     Silence,
     Wait,
 )
-from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss, mix
+from runtime.messages.phases import PHASE_B_SHARE
 from worldsim.kernels.radio import below, walls_on_line
 from worldsim.radio.fates import STRANGER
 

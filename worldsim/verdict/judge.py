@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from patrol.process.failures import UNKNOWN
+from runtime.process.failures import UNKNOWN
 from worldsim.checks.arrivals import DelaysAsAsked, LossesAsAsked, OnTime
 from worldsim.checks.bodies import BatteriesLast, BodiesApart, BumpsRare, MovesAreTrue
 from worldsim.checks.check import Check, CheckResult, JudgedRun, RobotsThere

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from agent.robots.clock import KeptClock, epoch_of
-from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
+from runtime.messages.phases import PHASE_B_SHARE
 
 # Not the product's own, so that a wrong one there is noticed.
 SAY_AGAIN_S = 10.0

@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 
 from agent.robots.direct import ROOM, DirectRadio, Skew
-from patrol.messages.telemetry import Traffic
-from patrol.net.mailbox import FrameMailbox
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
-from patrol.reporting.vitals import DROPPED, Vitals
-from patrol.security.keys import FleetKeys
+from runtime.messages.telemetry import Traffic
+from runtime.net.mailbox import FrameMailbox
+from runtime.reporting.vitals import DROPPED, Vitals
+from runtime.security.keys import FleetKeys
 from tests.present import present
 
 # Not the product's own, so that a wrong one there is noticed.

@@ -10,7 +10,8 @@ import pytest
 from agent.ports import Decision, State
 from agent.robots.sim import SimRobot, join
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import (
+from patrol.pose import Command, Drive, Pose, Velocity
+from runtime.messages.phases import (
     ANYONE,
     NO_RUN,
     Failed,
@@ -28,16 +29,15 @@ from patrol.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.messages.session import SILENCE_S, Identity, RobotEnd, Send
-from patrol.net.mailbox import Mailbox, Payload, Post, Presence
-from patrol.pose import Command, Drive, Pose, Velocity
-from patrol.process.lifeline import Ending
-from patrol.security.keys import WORLD, FleetKeys
-from tests.patrol.net.test_mailbox import Bytes
+from runtime.messages.session import SILENCE_S, Identity, RobotEnd, Send
+from runtime.net.mailbox import Mailbox, Payload, Post, Presence
+from runtime.process.lifeline import Ending
+from runtime.security.keys import WORLD, FleetKeys
 from tests.present import present
+from tests.runtime.net.test_mailbox import Bytes
 
 if TYPE_CHECKING:
-    from patrol.net.link import Link
+    from runtime.net.link import Link
 
 ME = Identity("r1", 1, 77, "a" * 64)
 RUN = 5

@@ -10,8 +10,8 @@ from PIL import Image
 
 from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
-from patrol.process.lifeline import Ending
 from patrol.scenario import load_scenario
+from runtime.process.lifeline import Ending
 from tests.cells import write_cells
 from tests.experiments.commands.conftest import Command, output, refuses
 

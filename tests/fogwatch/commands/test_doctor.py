@@ -10,14 +10,14 @@ from importlib import metadata
 import numpy as np
 import pytest
 
-from patrol.net.link import Link, open_link, open_session
-from patrol.net.settings import router_settings
 from patrol.pose import Pose
 from ros2.wire.formats import Bridge, Format, RmwZenoh
 from ros2.wire.link import open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import OccupancyGrid, Odometry, TFMessage, Transform, Twist, TwistStamped
 from ros2.wire.names import LATCHED, NodeName
+from runtime.net.link import Link, open_link, open_session
+from runtime.net.settings import router_settings
 from tests.fogwatch.conftest import Refused, Shell
 from tests.routers import PATIENCE_S, free_endpoint, routed
 

@@ -18,8 +18,8 @@ from fogwatch.fleets import certificates
 from fogwatch.fleets.certificates import facts, issue, make_authority
 from fogwatch.fleets.folder import checked_hosts, fleet_to_change, make_fleet, open_fleet_folder
 from patrol.errors import BadInput
-from patrol.security.credentials import read_credentials, read_router
-from patrol.security.roles import Role, robot_role
+from runtime.security.credentials import read_credentials, read_router
+from runtime.security.roles import Role, robot_role
 from tests.fogwatch.conftest import Refused, Shell
 from tests.routers import needs_openssl
 

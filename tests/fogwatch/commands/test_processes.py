@@ -33,10 +33,6 @@ def test_the_help_of_a_process_is_its_own(words: list[str], shown: str, shell: S
         (["agent", "--robot", "ros2", "--connect", "10.0.0.1"], "robot: --connect '10.0.0.1': not a router's address"),
         (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
         (["agent", "--robot", "ros2"], "--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447"),
-        (
-            ["agent", "--robot", "r1", "--fleet", "f"],
-            "fogwatch agent: --robot r1: a robot of a fleet also needs --scenario",
-        ),
         (["agent", "--fleet", "f"], "fogwatch agent: --scenario FILE is missing: the scenario, the"),
         (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
         (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),

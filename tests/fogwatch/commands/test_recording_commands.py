@@ -20,9 +20,9 @@ from fogwatch.run_folder.derived import derive
 from fogwatch.terminal.live_table import PlainDisplay, RunDisplay
 from patrol.journal import read_journal
 from patrol.prepare import prepare
-from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import load_scenario
 from patrol.summary.model import Summary
+from runtime.process.lifeline import InterruptedBySignal
 from tests.fleets import COARSE, python
 from tests.fogwatch.conftest import Refused, Shell, cut_off
 from tests.recordings import decoded
@@ -149,7 +149,7 @@ def test_folders_are_looked_at_before_anything_is_compiled(
         raise AssertionError
 
     monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
-    monkeypatch.setattr("patrol.starting.warmup.warm", never)
+    monkeypatch.setattr("runtime.starting.warmup.warm", never)
     assert words in refused(*(part.replace("RUN", str(ran)) for part in arguments.split()))
 
 

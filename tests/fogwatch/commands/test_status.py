@@ -14,12 +14,12 @@ import pytest
 
 from fogwatch.commands.status import look_at
 from fogwatch.status import FleetStatus, WorldStatus
-from patrol.net.link import open_link
 from patrol.pose import Pose
-from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
-from patrol.security.credentials import Credentials
-from patrol.security.keys import FleetKeys, fleet_keys
+from runtime.net.link import open_link
+from runtime.process.lifeline import Ending
+from runtime.security.credentials import Credentials
+from runtime.security.keys import FleetKeys, fleet_keys
 from tests.fogwatch.conftest import Refused, Shell
 from tests.routers import (
     PATIENCE_S,

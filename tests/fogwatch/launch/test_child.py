@@ -17,7 +17,7 @@ import pytest
 from fogwatch.launch.child_control import ProcessControlServer, state_of
 from fogwatch.launch.children import Child, Children, Forked
 from patrol.errors import BadInput
-from patrol.process.failures import LEAST
+from runtime.process.failures import LEAST
 from worldsim.fleet.process_control import ENDED, Request
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fogwatch.launch.children import TERM_S, Child, Children
 from fogwatch.router import CLOSE_S
-from patrol.starting.readiness import StartFailure, StartReport
+from runtime.starting.readiness import StartFailure, StartReport
 
 pytestmark = pytest.mark.processes
 

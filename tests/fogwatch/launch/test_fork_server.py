@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 
 from fogwatch.launch.children import FORK_SERVER, READY_S, Child, Children, Forked, ForkServer
-from patrol.process.failures import INTERRUPTED
-from patrol.starting.forking import ask_for_fork, can_fork
-from patrol.starting.readiness import StartFailure, StartPipe, StartReport
+from runtime.process.failures import INTERRUPTED
+from runtime.starting.forking import ask_for_fork, can_fork
+from runtime.starting.readiness import StartFailure, StartPipe, StartReport
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
 
@@ -270,14 +270,14 @@ def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
 
 def test_the_time_to_load_counts_from_the_first_wait(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     late = time.monotonic() + 2 * READY_S  # so long the launcher has prepared a large ground
-    monkeypatch.setattr("patrol.starting.readiness.time", SimpleNamespace(monotonic=lambda: late))
+    monkeypatch.setattr("runtime.starting.readiness.time", SimpleNamespace(monotonic=lambda: late))
     office.made("r1")
 
 
 def test_a_server_that_does_not_load_in_time_is_given_up(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, READY_S])
     office.child.send_signal(signal.SIGSTOP)
-    monkeypatch.setattr("patrol.starting.readiness.time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr("runtime.starting.readiness.time", SimpleNamespace(monotonic=lambda: next(clock)))
     office.server.await_start(lambda: False)
     assert office.child.wait() == -signal.SIGKILL
     monkeypatch.undo()

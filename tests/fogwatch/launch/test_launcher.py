@@ -12,8 +12,8 @@ from fogwatch.launch.children import Child, Children
 from fogwatch.launch.launcher import ROUTER, WORLD, Launch
 from fogwatch.run_folder.runfolder import RunFolder
 from fogwatch.terminal.live_table import RunDisplay
-from patrol.net.link import LinkDown
-from patrol.starting.readiness import StartPipe, StartReport
+from runtime.net.link import LinkDown
+from runtime.starting.readiness import StartPipe, StartReport
 
 
 class Fleet:

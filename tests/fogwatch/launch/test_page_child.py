@@ -11,7 +11,7 @@ import pytest
 
 from fogwatch.launch.children import Children
 from fogwatch.launch.launcher import MOST_RESTARTS, PAGE, PageChild
-from patrol.starting.readiness import StartFailure, StartReport
+from runtime.starting.readiness import StartFailure, StartReport
 
 ADDRESS = "http://127.0.0.1:40123/"
 

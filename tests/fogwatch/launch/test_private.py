@@ -13,8 +13,8 @@ import pytest
 from fogwatch.launch import private
 from fogwatch.launch.private import Secrets
 from patrol.errors import BadInput
-from patrol.security.credentials import USERS
-from patrol.security.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
+from runtime.security.credentials import USERS
+from runtime.security.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
 
 
 @pytest.fixture

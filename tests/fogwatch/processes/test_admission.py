@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 
 from monitor.live.attach import open_fleet
-from patrol.net.link import NotAdmitted, open_link
-from patrol.process.lifeline import Ending
-from patrol.security.access import FILE, credentials_at, private_roots, read_access
-from patrol.security.credentials import read_credentials
-from patrol.security.keys import WORLD, fleet_keys
-from patrol.security.roles import VIEWER
+from runtime.net.link import NotAdmitted, open_link
+from runtime.process.lifeline import Ending
+from runtime.security.access import FILE, credentials_at, private_roots, read_access
+from runtime.security.credentials import read_credentials
+from runtime.security.keys import WORLD, fleet_keys
+from runtime.security.roles import VIEWER
 from tests.fleets import COARSE, Processes, python
 from tests.fogwatch.conftest import Run
 from tests.routers import PATIENCE_S, free_endpoint, needs_openssl

@@ -17,11 +17,11 @@ import pytest
 
 import fogwatch
 from patrol.journal import Event, Status, read_journal
-from patrol.net.link import Link, open_link
 from patrol.scenario.controls import OPERATOR, Answer
-from patrol.security.access import FILE, read_access
-from patrol.security.control_auth import ASK, ControlClient, Unanswered
-from patrol.security.keys import fleet_keys
+from runtime.net.link import Link, open_link
+from runtime.security.access import FILE, read_access
+from runtime.security.control_auth import ASK, ControlClient, Unanswered
+from runtime.security.keys import fleet_keys
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run, Shell
 from tests.fogwatch.processes.test_features import SITE

@@ -17,7 +17,7 @@ from monitor.replay.player import Player
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
 from patrol.journal import RobotTick, Status, read_journal
-from patrol.starting.forking import can_fork
+from runtime.starting.forking import can_fork
 from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.conftest import Run
 from tests.fogwatch.processes.test_feed import attached

@@ -21,15 +21,15 @@ from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.messages.telemetry import Telemetry, pack_view
-from patrol.net.link import Link, open_link
 from patrol.pose import Pose
 from patrol.prepare import prepare
-from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
-from patrol.security.keys import fleet_keys
-from patrol.security.private_files import new_key
+from runtime.messages.telemetry import Telemetry, pack_view
+from runtime.net.link import Link, open_link
+from runtime.process.lifeline import Ending
+from runtime.security.keys import fleet_keys
+from runtime.security.private_files import new_key
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run
 from tests.routers import reach_patiently
@@ -122,7 +122,7 @@ def viewing(folder: Path, ready: Path, looks: str) -> Iterator[subprocess.Popen[
     code = (
         "import sys, pathlib\n"
         "from monitor.live.attach import open_fleet\n"
-        "from patrol.process.lifeline import Ending\n"
+        "from runtime.process.lifeline import Ending\n"
         "source = open_fleet(Ending(), access=pathlib.Path(sys.argv[1]))\n"
         f"while True:\n    {looks}\n    pathlib.Path(sys.argv[2]).touch()\n"
     )

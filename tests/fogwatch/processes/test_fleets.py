@@ -13,9 +13,9 @@ import pytest
 import fogwatch
 from patrol.exchange import Sensed
 from patrol.journal import Status
-from patrol.messages.phases import PhaseA, encode
 from patrol.pose import Pose
-from patrol.security.private_files import new_key
+from runtime.messages.phases import PhaseA, encode
+from runtime.security.private_files import new_key
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run
 

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from patrol.errors import Malformed
-from patrol.messages.phases import ReplyA, decode_to_world
-from patrol.net.link import open_link
-from patrol.net.mailbox import Payload
 from patrol.radio.message import MAX_FRAME
-from patrol.security.keys import ROOT
-from patrol.security.private_files import new_key
+from runtime.messages.phases import ReplyA, decode_to_world
+from runtime.net.link import open_link
+from runtime.net.mailbox import Payload
+from runtime.security.keys import ROOT
+from runtime.security.private_files import new_key
 from tests.fleets import one_and_many
 from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand
 

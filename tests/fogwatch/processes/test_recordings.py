@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from patrol.journal import read_journal
-from patrol.security.access import FILE
+from runtime.security.access import FILE
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run
 from tests.recordings import Topics, decoded, read_recording

@@ -5,7 +5,7 @@ from io import BytesIO, StringIO, TextIOWrapper
 from rich.console import Console
 
 from fogwatch.terminal.live_table import kernel_bar
-from patrol.starting.compiling import Compiled
+from runtime.starting.compiling import Compiled
 
 
 def test_a_terminal_gets_a_bar_of_one_row_with_the_time_to_go_that_is_removed_in_the_end() -> None:

@@ -20,8 +20,8 @@ from fogwatch.terminal.live_table import (
 )
 from fogwatch.terminal.summary_text import measures, print_files, print_summary
 from patrol.journal import Status
-from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 from patrol.summary.model import Summary
+from runtime.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)

@@ -25,8 +25,8 @@ from monitor.report.document import report_html
 from patrol.journal import unpack
 from patrol.maps.load import read_terrain
 from patrol.scenario import load_scenario
-from patrol.security.access import read_access
-from patrol.security.private_files import fleet_key
+from runtime.security.access import read_access
+from runtime.security.private_files import fleet_key
 from tests.hostile.files.looks import as_json, looked_at, value_or_line
 from tests.hostile.files.strange_files import (
     VALUES,

@@ -131,7 +131,7 @@ def test_a_strange_run_folder_gives_one_line(
         assert told[0].startswith("fogwatch: ")
         assert told[0].isprintable()
     from monitor.process import source_opener
-    from patrol.process.lifeline import Ending
+    from runtime.process.lifeline import Ending
 
     one_line(source_opener(Namespace(replay=[strange], key=None), Ending()))
 

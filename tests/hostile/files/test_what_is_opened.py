@@ -25,8 +25,8 @@ from patrol.errors import BadInput
 from patrol.maps.load import load_terrain, read_terrain
 from patrol.maps.map_file import map_meaning
 from patrol.scenario import load_scenario, open_scenario
-from patrol.security.access import read_access
-from patrol.security.private_files import fleet_key
+from runtime.security.access import read_access
+from runtime.security.private_files import fleet_key
 from tests.hostile.files.looks import MAP, looked_at, one_line
 from tests.hostile.files.strange_files import journal_of, records_of
 

@@ -21,7 +21,7 @@ from rich.console import Console
 
 from fogwatch.cli.ending import guarded
 from fogwatch.run_folder.runfolder import RUNS, untaken
-from patrol.process.lifeline import heed
+from runtime.process.lifeline import heed
 from tests.hostile.strangers.session import HostileSession
 
 MINUTES = 10.0

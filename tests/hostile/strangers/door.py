@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import zenoh
 
-from patrol.net.link import LEASE_S
-from patrol.net.settings import client_settings
 from patrol.random import Draws
-from patrol.security.credentials import Credentials
-from patrol.security.keys import FleetKeys
-from patrol.security.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
+from runtime.net.link import LEASE_S
+from runtime.net.settings import client_settings
+from runtime.security.credentials import Credentials
+from runtime.security.keys import FleetKeys
+from runtime.security.roles import OPERATOR, VIEWER, WORLD_ROLE, robot_role
 from tests.hostile.strangers.payloads import changed, noise
 
 CONNECTIONS = 200

@@ -14,12 +14,12 @@ from typing import Any
 import zenoh
 
 from patrol.errors import Malformed
-from patrol.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
 from patrol.pose import Velocity
 from patrol.random import Draws
-from patrol.security.control_auth import ASK, CHALLENGE
-from patrol.security.keys import ROOT, WORLD
-from patrol.security.roles import Role, rights_of
+from runtime.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
+from runtime.security.control_auth import ASK, CHALLENGE
+from runtime.security.keys import ROOT, WORLD
+from runtime.security.roles import Role, rights_of
 from tests.hostile.strangers.door import Door
 from tests.hostile.strangers.payloads import all_keys, changed, forged, forged_command, forged_farewell, noise
 

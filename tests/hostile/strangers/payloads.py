@@ -11,12 +11,12 @@ import msgpack
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.messages.feed import TICKS, Batch, batch_bytes
-from patrol.messages.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
-from patrol.messages.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
 from patrol.pose import Pose, Velocity
 from patrol.random import Draws
-from patrol.security.keys import FleetKeys
+from runtime.messages.feed import TICKS, Batch, batch_bytes
+from runtime.messages.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
+from runtime.messages.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
+from runtime.security.keys import FleetKeys
 
 _EXTREMES = (
     *(b"\x00" * 8, b"\xff" * 8, b"\xcf" + b"\xff" * 8, b"\x91" * 400, b"\xc7\x01\x05\x00"),

@@ -8,7 +8,7 @@ from typing import Any
 
 from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, load_scenario
-from patrol.security.roles import VIEWER, Role, robot_role
+from runtime.security.roles import VIEWER, Role, robot_role
 
 SCENARIO, ATTACKS = 1, 2
 """What draws are for, after the seed and the purpose: the spell itself, and the stranger's attacks."""

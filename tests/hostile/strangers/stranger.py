@@ -16,12 +16,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
-from patrol.process.failures import BAD_INPUT
-from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose
-from patrol.security.access import FILE, credentials_at
-from patrol.security.keys import fleet_keys
-from patrol.security.private_files import read_object
+from runtime.process.failures import BAD_INPUT
+from runtime.process.lifeline import heed, run_process
+from runtime.security.access import FILE, credentials_at
+from runtime.security.keys import fleet_keys
+from runtime.security.private_files import read_object
 from tests.hostile.strangers.door import Door, begin_well, knock, say_nothing, send_noise
 from tests.hostile.strangers.member import Member
 from tests.hostile.strangers.spell import ATTACKS, Holds, role_of_stranger

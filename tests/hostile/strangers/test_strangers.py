@@ -13,7 +13,10 @@ from rich.console import Console
 
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.messages.phases import (
+from patrol.pose import Pose
+from patrol.random import Draws, Purpose
+from patrol.scenario import as_mapping
+from runtime.messages.phases import (
     Failed,
     HelloReply,
     PhaseA,
@@ -25,12 +28,9 @@ from patrol.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.messages.telemetry import Metrics
-from patrol.pose import Pose
-from patrol.random import Draws, Purpose
-from patrol.scenario import as_mapping
-from patrol.security.keys import fleet_keys
-from patrol.security.roles import VIEWER
+from runtime.messages.telemetry import Metrics
+from runtime.security.keys import fleet_keys
+from runtime.security.roles import VIEWER
 from tests.hostile.strangers.door import LET_IN
 from tests.hostile.strangers.judge import Seen, problems
 from tests.hostile.strangers.member import ASKED, OVERHEARD

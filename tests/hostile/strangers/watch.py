@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from fogwatch.terminal.live_table import RunDisplay
-from patrol.messages.telemetry import Metrics
+from runtime.messages.telemetry import Metrics
 
 HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""

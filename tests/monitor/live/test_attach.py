@@ -6,9 +6,9 @@ import pytest
 
 from monitor.live.attach import open_fleet
 from patrol.errors import BadInput
-from patrol.process.lifeline import Ending
-from patrol.security.access import FILE
-from patrol.security.private_files import new_key
+from runtime.process.lifeline import Ending
+from runtime.security.access import FILE
+from runtime.security.private_files import new_key
 from tests.routers import reach_patiently, write_access
 
 
@@ -26,7 +26,7 @@ def test_a_scenario_s_key_is_opened_only_when_asked_for(
         opened.append(path)
         return b"k" * 16
 
-    monkeypatch.setattr("patrol.security.private_files.read_untrusted", read)
+    monkeypatch.setattr("runtime.security.private_files.read_untrusted", read)
     for access in (run, run / FILE):
         with pytest.raises(BadInput, match="its world does not answer"):
             open_fleet(Ending(), access=access, wait_s=0.2)

@@ -7,10 +7,10 @@ from typing import Any, cast
 import pytest
 
 from monitor.live.feed_client import WAITS_S, FeedClient
-from patrol.messages.feed import TICKS, Batch, batch_bytes
-from patrol.messages.telemetry import EVENTS, WAITS, Notice, pack_view
-from patrol.net.mailbox import Presence
-from patrol.security.keys import WORLD, fleet_keys
+from runtime.messages.feed import TICKS, Batch, batch_bytes
+from runtime.messages.telemetry import EVENTS, WAITS, Notice, pack_view
+from runtime.net.mailbox import Presence
+from runtime.security.keys import WORLD, fleet_keys
 from tests.monitor.live.test_positions_source import Ears
 
 KEYS = fleet_keys("fleet-1")

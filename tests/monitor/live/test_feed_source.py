@@ -25,10 +25,10 @@ from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
-from patrol.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
-from patrol.net.mailbox import Question
 from patrol.scenario.controls import OPERATOR
 from patrol.wire import read_sparingly
+from runtime.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
+from runtime.net.mailbox import Question
 from tests.monitor.conftest import Seen
 from tests.present import present
 from worldsim.controls import RunState

@@ -19,8 +19,8 @@ from monitor.live.record_checks import RunChecks, is_run_of
 from patrol.errors import BadInput
 from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
-from patrol.messages.feed import Batch, read_so_far, so_far_bytes
 from patrol.scenario import as_mapping, load_scenario
+from runtime.messages.feed import Batch, read_so_far, so_far_bytes
 from tests.monitor.conftest import QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 
@@ -188,7 +188,7 @@ def test_the_key_that_a_feed_names_is_never_opened(quiet: Seen, monkeypatch: pyt
     header: Any = unpack(wire.records[0])
     named = {**header.scenario, "radio": {**header.scenario["radio"], "key": "/dev/zero"}}
     wire.records[0] = pack(replace(header, scenario=named))
-    monkeypatch.setattr("patrol.security.private_files.fleet_key", lambda path: pytest.fail(f"opened {path}"))
+    monkeypatch.setattr("runtime.security.private_files.fleet_key", lambda path: pytest.fail(f"opened {path}"))
     source = wire.source()
     wire.send(5)
     source.set_shown(["heard", 1])

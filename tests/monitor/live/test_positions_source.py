@@ -8,13 +8,13 @@ from typing import Any, cast
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
 from patrol.journal.records import Status
-from patrol.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
-from patrol.net.mailbox import Mailbox, Presence
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
-from patrol.security.keys import WORLD, fleet_keys
+from runtime.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
+from runtime.net.mailbox import Mailbox, Presence
+from runtime.security.keys import WORLD, fleet_keys
 from tests.present import present
 
 SCENARIO: dict[str, Any] = {

@@ -9,8 +9,8 @@ import pytest
 
 from monitor.live.record_checks import RunChecks, record_of
 from patrol.journal import End, Event, RobotTick, Status, TickRecord, pack
-from patrol.messages.feed import longest_record
-from patrol.security.control_auth import MAX_CONTROL
+from runtime.messages.feed import longest_record
+from runtime.security.control_auth import MAX_CONTROL
 
 CHECKS = RunChecks((1, 2), 10, (-1.0, -2.0, 30.0, 40.0), longest_record(2))
 ROW = RobotTick(1, Status.ALIVE, 1.0, 2.0, 0.5, 0.0, 0.0, False, "holding", None, 1.0, 0)

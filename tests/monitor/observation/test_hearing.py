@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from monitor.observation.hearing import ENOUGH, Hearing
-from patrol.messages.telemetry import Traffic
+from runtime.messages.telemetry import Traffic
 
 ALL = ("anna", "bert", "carl")
 

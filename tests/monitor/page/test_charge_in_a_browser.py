@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from monitor.replay.player import Player
-from patrol.messages.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
+from runtime.messages.telemetry import Telemetry, pack_view
 from tests.browser import browser_or_skip
 from tests.monitor.conftest import QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from patrol.messages.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
+from runtime.messages.telemetry import Telemetry, pack_view
 from tests.browser import browser_or_skip
 from tests.monitor.live.test_positions_source import KEYS, Ears, hear, source_of
 from tests.monitor.pages import look_at

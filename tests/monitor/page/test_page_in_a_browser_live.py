@@ -10,7 +10,7 @@ import pytest
 
 from monitor.live.fog_tracker import FogTrackers
 from monitor.observation.source import Answer
-from patrol.messages.feed import Batch
+from runtime.messages.feed import Batch
 from tests.browser import PATIENCE_S, Look, browser_or_skip
 from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed

@@ -16,8 +16,8 @@ from monitor.page.hub import Viewer
 from monitor.page.server import FULL
 from monitor.process import main
 from monitor.replay.player import Player
-from patrol.process.lifeline import Ending
-from patrol.security.keys import is_loopback
+from runtime.process.lifeline import Ending
+from runtime.security.keys import is_loopback
 from tests.monitor.conftest import Seen
 from tests.monitor.pages import PATIENCE_S, ServedPage
 from tests.present import present
@@ -231,7 +231,7 @@ BAD_INPUT: tuple[tuple[list[str], str, str], ...] = (
 def test_bad_input_is_reported_in_terms_of_the_options_that_there_are(
     arguments: list[str], token: str, problem: str, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("patrol.process.context.heed", lambda *_, **__: Ending())
+    monkeypatch.setattr("runtime.process.context.heed", lambda *_, **__: Ending())
     monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one, and for what they start
     monkeypatch.setenv("FOGWATCH_PAGE_KEY", token)
     assert main([argument.replace("RUN", str(tmp_path)) for argument in arguments]) == 2

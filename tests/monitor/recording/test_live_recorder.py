@@ -8,7 +8,7 @@ from pathlib import Path
 
 from monitor.observation.source import State
 from monitor.recording.live_recorder import GONE_S, record_live
-from patrol.messages.feed import Batch
+from runtime.messages.feed import Batch
 from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.present import present

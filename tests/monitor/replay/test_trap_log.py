@@ -10,7 +10,7 @@ from monitor.observation.traps import TrapWatch
 from monitor.replay.player import Player
 from monitor.replay.run_log import RunLog
 from patrol.measures.stays import TRAPPED_S
-from patrol.messages.telemetry import FREE, TRAPPED
+from runtime.messages.telemetry import FREE, TRAPPED
 from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed, played, watched
 from tests.monitor.replay.test_player import Wall, at

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from patrol.files.untrusted import refuse_half_characters
 from patrol.files.yaml_text import parse_yaml
 from patrol.scenario import load_scenario
-from patrol.security.private_files import read_object
+from runtime.security.private_files import read_object
 from tests.hostile.files.looks import MAP, one_line
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=4)

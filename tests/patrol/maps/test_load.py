@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patrol.maps.load import read_terrain
-from patrol.reporting.logs import Format, begin_log
+from runtime.reporting.logs import Format, begin_log
 from tests.patrol.maps.test_maps import grey, write_map
 
 

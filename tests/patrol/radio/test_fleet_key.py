@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from fogwatch.commands.fleet import app
 from patrol.errors import BadInput
-from patrol.security.private_files import LONGEST_KEY, fleet_key, new_key
+from runtime.security.private_files import LONGEST_KEY, fleet_key, new_key
 
 
 def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> None:

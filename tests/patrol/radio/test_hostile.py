@@ -13,7 +13,11 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import (
+from patrol.pose import Drive, Pose
+from patrol.radio.inbox import Inboxes, Rules
+from patrol.radio.message import MAX_CM, MAX_FRAMES, MAX_ROBOT, MAX_SEQUENCE, MAX_TRAIL, Position, encode
+from patrol.random import mix
+from runtime.messages.phases import (
     MAX_REPLY,
     Failed,
     Hello,
@@ -27,12 +31,8 @@ from patrol.messages.phases import (
     decode_to_world,
     max_to_robot,
 )
-from patrol.messages.phases import encode as encode_phase
-from patrol.net.mailbox import Mailbox
-from patrol.pose import Drive, Pose
-from patrol.radio.inbox import Inboxes, Rules
-from patrol.radio.message import MAX_CM, MAX_FRAMES, MAX_ROBOT, MAX_SEQUENCE, MAX_TRAIL, Position, encode
-from patrol.random import mix
+from runtime.messages.phases import encode as encode_phase
+from runtime.net.mailbox import Mailbox
 
 KEY = b"the fleet's own key"
 ROSTER = (1, 2, 3, 4, 5)

@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 
 from patrol.ground.terrain import Terrain
-from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
 from ros2.robot import driver, localisation, steering
 from ros2.robot import stops as standing
@@ -31,6 +29,8 @@ from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status
 from ros2.wire.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
 from ros2.wire.names import LATCHED
+from runtime.messages.stop_orders import Order, Outcome
+from runtime.reporting.logs import Log
 from tests.present import present
 from tests.ros2.robot.passing import Passing, Waiter
 from tests.ros2_hub import Hub

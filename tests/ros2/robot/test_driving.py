@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from fogwatch.commands.control import control
-from patrol.net.link import open_router
 from patrol.pose import Pose
 from ros2.sim.node import Habits
 from ros2.wire.mailbox import RosMailbox
@@ -23,6 +22,7 @@ from ros2.wire.messages import Bool, CancelRequest, CancelResponse, Clock, Occup
 from ros2.wire.messages import Path as Way
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Asked
+from runtime.net.link import open_router
 from tests.present import present
 from tests.ros2_bench import NAME, Bench, bench
 from tests.routers import PATIENCE_S, free_endpoint

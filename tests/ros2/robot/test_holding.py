@@ -6,13 +6,13 @@ import re
 
 import pytest
 
-from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Pose
-from patrol.reporting.health import HealthReading, health_line
-from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from ros2.robot.driver import Sayer
 from ros2.robot.governor import OFF_GROUND, TOO_NEAR
 from ros2.wire.messages import Bool
+from runtime.messages.stop_orders import Order, Outcome
+from runtime.reporting.health import HealthReading, health_line
+from runtime.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from tests.ros2.robot.test_driver import AHEAD, PATIENCE_S, STILL, Bench
 
 # Not the product's own, so that a wrong one there is noticed.

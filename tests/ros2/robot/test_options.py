@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.process import is_for_ros2, main
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
@@ -20,6 +19,7 @@ from patrol.maps.load import load_terrain
 from patrol.pose import Pose
 from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
+from ros2.robot import is_for_ros2, main
 from ros2.robot.localisation import LocalisationSettings, Source
 from ros2.robot.options import FORMATS, DriveSettings, drive_settings, options_of
 from ros2.robot.shown import Shown, fog_cells, grid_of, show_map, write_map

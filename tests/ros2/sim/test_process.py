@@ -25,7 +25,7 @@ def test_it_can_be_followed_and_says_what_was_measured(tmp_path: Path) -> None:
         common = ["--connect", endpoint, *body]
         robots = [sys.executable, "-m", "ros2.sim", *common, "--robots", "robot1", "--out", str(out), *followed]
         robots += ["--poses", str(poses)]
-        agent = [sys.executable, "-m", "agent", "--robot", "ros2", "--namespace", "robot1", *common]
+        agent = [sys.executable, "-m", "ros2.robot", "--robot", "ros2", "--namespace", "robot1", *common]
         agent += ["--state", str(tmp_path), "--wait", str(PATIENCE_S)]
         with (
             subprocess.Popen(robots, stderr=subprocess.PIPE, text=True) as simulated,

@@ -17,7 +17,6 @@ import zenoh
 
 from fogwatch.fleets.folder import ROBOT_ROUTER, FleetFolder, make_robot_router
 from patrol.errors import BadInput
-from patrol.net.link import LinkDown
 from patrol.pose import Pose
 from ros2.doctor import examine, survey
 from ros2.robot.localisation import LocalisationSettings, Source
@@ -29,6 +28,7 @@ from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import OccupancyGrid, Odometry, PoseStamped, TwistStamped
 from ros2.wire.names import LATCHED, USUAL, EntityKind, NodeName, Qos
+from runtime.net.link import LinkDown
 from tests.present import present
 from tests.ros2_site import M, Site, command, odometry, reach
 from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl

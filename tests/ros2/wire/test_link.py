@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from patrol.errors import Malformed
-from patrol.net.link import LinkDown, open_link, open_router
 from patrol.pose import Pose
 from ros2.wire.definitions import CANCEL_GOAL
 from ros2.wire.formats import Bridge, Format, RmwZenoh
@@ -17,6 +16,7 @@ from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, Odometry, Twist, TwistStamped
 from ros2.wire.names import LATCHED, USUAL, EntityKind, NodeName, Qos
 from ros2.wire.ports import Asked, Sender, Service
+from runtime.net.link import LinkDown, open_link, open_router
 from tests.present import present
 from tests.routers import PATIENCE_S, free_endpoint
 

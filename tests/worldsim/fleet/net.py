@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import Hello, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, ToRobot, ToWorld, decode_to_robot
-from patrol.messages.session import WorldRun
-from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
-from patrol.security.keys import FleetKeys
+from runtime.messages.phases import Hello, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, ToRobot, ToWorld, decode_to_robot
+from runtime.messages.session import WorldRun
+from runtime.net.mailbox import Presence
+from runtime.security.keys import FleetKeys
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import FleetConnection, Sessions

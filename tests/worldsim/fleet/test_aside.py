@@ -11,7 +11,7 @@ import pytest
 
 from patrol.exchange import Reply
 from patrol.journal import Event, Status, TickRecord
-from patrol.messages.phases import PhaseA, PhaseB
+from runtime.messages.phases import PhaseA, PhaseB
 from tests.worldsim.conftest import Lab, RandomFleet
 from tests.worldsim.fleet.net import NAMES, Net, heard, lockstep, paced, sensed, tick
 from worldsim.fleet.lockstep import LockstepFleet

@@ -10,7 +10,8 @@ import pytest
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.messages.phases import (
+from patrol.pose import Pose, Velocity
+from runtime.messages.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
@@ -24,9 +25,8 @@ from patrol.messages.phases import (
     ReplyB,
     Stop,
 )
-from patrol.messages.session import GRACE_S, RETURN_S
-from patrol.pose import Pose, Velocity
-from patrol.process.deadline import ANSWER_S
+from runtime.messages.session import GRACE_S, RETURN_S
+from runtime.process.deadline import ANSWER_S
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, heard, lockstep, paced, sensed, tick
 from worldsim.fleet.sessions import Interrupted, Missing
 

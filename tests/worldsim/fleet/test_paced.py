@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from patrol.exchange import Reply
-from patrol.messages.phases import ReplyA, ReplyB
 from patrol.pose import Velocity
+from runtime.messages.phases import ReplyA, ReplyB
 from tests.worldsim.fleet.net import NAMES, RUN, heard, paced, sensed, tick
 from worldsim.fleet.paced import PacedFleet
 

@@ -7,8 +7,8 @@ import json
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.messages.phases import NO_RUN, Hello, HelloReply, ReplyA, Stop, ToRobot
 from patrol.pose import Pose
+from runtime.messages.phases import NO_RUN, Hello, HelloReply, ReplyA, Stop, ToRobot
 from tests.worldsim.fleet.net import HASH, RUN, Net
 from worldsim.faults import STOPPED, UNSEEN, process_name
 from worldsim.fleet.process_control import (

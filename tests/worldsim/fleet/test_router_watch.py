@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from patrol.journal import Status
-from patrol.messages.phases import ReplyA
-from patrol.messages.session import RETURN_S
+from runtime.messages.phases import ReplyA
+from runtime.messages.session import RETURN_S
 from tests.worldsim.fleet.net import NAMES, RUN, Net, sensed, tick
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet

@@ -6,9 +6,9 @@ import pytest
 
 from patrol.exchange import Reply
 from patrol.journal import Status
-from patrol.messages.phases import ANYONE, PROTOCOL, UNLIKE, Failed, Farewell, HelloReply, ReplyA, ReplyB, Stop
-from patrol.messages.session import OLDEST
 from patrol.pose import Velocity
+from runtime.messages.phases import ANYONE, PROTOCOL, UNLIKE, Failed, Farewell, HelloReply, ReplyA, ReplyB, Stop
+from runtime.messages.session import OLDEST
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, heard, lockstep, paced, sensed, tick
 
 COMMAND = Reply(Velocity(9.0, 9.0), "patrolling", None, 1.0, 0)

@@ -12,10 +12,10 @@ from agent.build import mind_maker, shared_by
 from fogwatch.inprocess import InProcessFleet
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
-from patrol.messages.feed import read_so_far
-from patrol.net.mailbox import Question
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
+from runtime.messages.feed import read_so_far
+from runtime.net.mailbox import Question
 from worldsim.controls import RunState
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.feed_publisher import Feed

@@ -8,7 +8,7 @@ import pytest
 
 from patrol.journal import Event, TickRecord
 from patrol.measures.stays import Place
-from patrol.messages.telemetry import Notice
+from runtime.messages.telemetry import Notice
 from tests.worldsim.checks.test_progress import WHOLE, made, rooms
 from worldsim.output.live_progress import LiveProgress
 from worldsim.world import World

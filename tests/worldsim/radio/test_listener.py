@@ -10,13 +10,13 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.journal import End, Header
-from patrol.messages.telemetry import Traffic
-from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
-from patrol.security.keys import FleetKeys
+from runtime.messages.telemetry import Traffic
+from runtime.net.mailbox import Mailbox
+from runtime.security.keys import FleetKeys
 from tests.worldsim.checks.judged import result_of
 from worldsim.checks.check import CheckResult
 from worldsim.checks.journal import DirectLinks
