@@ -32,7 +32,7 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
-from patrol.closures.ground import ChangingFootprint
+from patrol.changing.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.peers import Predictor
@@ -124,9 +124,9 @@ def shared_by(
 
 
 def known_to_robots(prepared: Prepared) -> Prepared:
-    """Leave out of a scenario the sections that robots do not know: faults, intruders and closures."""
+    """Leave out what robots do not know: faults, intruders, and which ground closes."""
     unknown = {"faults": (), "nemesis": None, "intruders": (), "closures": ()}
-    return replace(prepared, scenario=prepared.scenario.model_copy(update=unknown))
+    return replace(prepared, scenario=prepared.scenario.model_copy(update=unknown), closable={})
 
 
 def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
@@ -145,21 +145,21 @@ def build_mind(
     """
     shared = shared or shared_by(prepared)
     scenario, fields = prepared.scenario, prepared.fields[number]
-    # On ground with closures each mind has a sensor of its own, on the ground as it believes it.
-    sight = sensor_footprint(scenario, prepared.terrain) if scenario.closures else shared.footprint
-    terrain = sight.terrain if scenario.closures else prepared.terrain
+    # On ground that changes each mind has a sensor of its own, on the ground as it believes it.
+    sight = sensor_footprint(scenario, prepared.terrain) if scenario.changes_ground else shared.footprint
+    terrain = sight.terrain if scenario.changes_ground else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
     posts = shared.posts_of(fields, patrol)
-    moves_posts = scenario.closures and patrol.paths != "straight"
+    moves_posts = scenario.changes_ground and patrol.paths != "straight"
     if moves_posts:
         posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
-    # Where closures change it, the terrain is the mind's own.
-    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(terrain, fields).over()
+    # Where it changes, the terrain is the mind's own.
+    ground = Ground(terrain, fields.reach) if scenario.changes_ground else shared.ground_of(terrain, fields).over()
     policy = _policy_of(
         kind,
         PolicySetup(

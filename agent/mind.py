@@ -22,9 +22,9 @@ from patrol.exchange import Sensed
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
-from patrol.scenario import RobotSpec, ZoneSpec
+from patrol.scenario import RobotSpec
 from patrol.zones.ground import SpeedLimits
-from patrol.zones.spec import Weighing, weighing_at, zones_in_force
+from patrol.zones.spec import Weighing, ZoneSpec, weighing_at, zones_in_force
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Mind:
         obstacles: Obstacles,
         blocked: Blocked | None = None,
     ) -> None:
-        """Put the parts together that `agent.build` has made; `blocked` is None on ground without closures."""
+        """Put the parts together that `agent.build` has made; `blocked` is None on ground that never changes."""
         self.facts = facts
         self.spec = facts.spec
         self.belief = belief

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from agent.belief.posts import Posts
     from agent.routes.ground import Disc, Spot
     from agent.view import View
+    from patrol.energy.spec import DockSpec
     from patrol.graph import Graph
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.radio.peers import Peer
-    from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec
+    from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec
 
 __all__ = [
     "Bearing",

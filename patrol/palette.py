@@ -34,6 +34,15 @@ MARKS: Mapping[str, str] = {
 }
 """Colours of marks by kind (`patrol.ground.marks`)."""
 
+MEANINGS: Mapping[str, str] = {
+    "keepout": "keep-out",
+    "slow": "slow zone",
+    "weight": "zone with a weight or an age",
+    "closure": "closure",
+    "dock": "dock",
+}
+"""Words of a legend for kinds of marks."""
+
 LIGHT: Mapping[str, str] = {
     "paper": "#f6f7f9",
     "card": "#ffffff",

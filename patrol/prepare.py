@@ -6,7 +6,7 @@ The launcher prepares once and saves; its children load the same arrays memory-m
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.changing.ground import ChangingFootprint, Closings, Parts
+from patrol.changing.open_ground import OpenGround
 from patrol.closures.checks import check_closures_on_ground
-from patrol.closures.ground import ChangingFootprint
+from patrol.closures.spec import closable_parts
 from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
 from patrol.graph import check_vertices, graph_from_ground, graph_of, watching_vertices
@@ -62,6 +64,7 @@ class Prepared:
     terrain: Terrain
     starts: tuple[Pose, ...]  # in roster order
     fields: Mapping[int, StaticFields]  # by robot number
+    closable: Parts  # the parts of the ground that close at times
     regions: Mapping[int, RegionSplit] | None = None  # by robot number; None where paths do not lead through regions
     # by robot number, made on demand by `patrol.measures.best_tour.round_of`
     rounds: dict[int, Round | None] = field(default_factory=dict)
@@ -71,6 +74,17 @@ class Prepared:
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions."""
         return None if self.regions is None else self.regions[number]
+
+    def open_ground(self) -> OpenGround | None:
+        """Begin to follow the ground that is open to view; None where nothing ever closes."""
+        if not self.closable:
+            return None
+        radii, sensor = {spec.number: spec.radius for spec in self.scenario.roster}, self.scenario.sensor
+        return OpenGround(self.terrain, self.patrolled, radii, sensor.range, sensor.line_of_sight)
+
+    def closings(self, events: Iterable[Event] = ()) -> Closings:
+        """Begin to follow what is closed, with the events so far."""
+        return Closings(self.closable, self.terrain, events)
 
     @cached_property
     def patrolled(self) -> BoolGrid:
@@ -148,6 +162,7 @@ class Prepared:
             scenario=scenario,
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
+            closable=closable_ground(scenario, terrain),
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, facts["fields"]),
             rounds={int(number): part and rounds[part] for number, part in facts["rounds"].items()},
@@ -173,10 +188,6 @@ def terrain_of(scenario: Scenario, within: Path | None = None) -> Terrain:
     return with_zones(load_terrain(scenario.terrain, scenario.point, scenario.base, within), scenario.zones)
 
 
-CHECKS: Sequence[Callable[[Prepared], None]] = (check_docks_on_ground, check_zones_on_ground, check_closures_on_ground)
-"""Refuse what a feature asks for and its ground does not have."""
-
-
 def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     from patrol.starts import starts_of  # here: loading a prepared scenario does not need it
 
@@ -187,7 +198,8 @@ def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     check_areas(scenario.patrol.critical_areas or (), terrain, "patrol.options.critical_areas")
     vertices = () if scenario.terrain.graph is None else scenario.terrain.graph.vertices
     check_vertices(vertices, terrain)
-    starts = starts_of(scenario, terrain)
+    closable = closable_ground(scenario, terrain)
+    starts = starts_of(scenario.roster, scenario.seed, terrain, closable)
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         group_starts = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
@@ -196,9 +208,10 @@ def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     if scenario.terrain.patrolled == VERTICES:
         by_radius = watching_vertices(vertices, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
-    prepared = Prepared(scenario, terrain, starts, fields)
-    for check in CHECKS:
-        check(prepared)
+    prepared = Prepared(scenario, terrain, starts, fields, closable)
+    check_docks_on_ground(scenario.docks, terrain, scenario.roster, starts, fields)
+    check_zones_on_ground(scenario.zones, terrain, by_radius.values())
+    check_closures_on_ground(closable, terrain, scenario.roster, starts, scenario.docks)
     if scenario.patrol.paths != "regions":
         return prepared
     from patrol.regions.split import split_for_bodies  # here: most robots need none
@@ -207,10 +220,15 @@ def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     return replace(prepared, regions={spec.number: splits[spec.radius] for spec in scenario.roster})
 
 
+def closable_ground(scenario: Scenario, terrain: Terrain) -> Parts:
+    """Return the points of each part of the ground that closes at times, by its name."""
+    return closable_parts(scenario.closures, terrain)
+
+
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """Make the footprint of a scenario's sensor; a `ChangingFootprint` on ground with closures."""
+    """Make the footprint of a scenario's sensor; a `ChangingFootprint` on ground that closes at times."""
     remembered = max(REMEMBERED, 2 * len(scenario.roster))
-    if scenario.closures:
+    if scenario.changes_ground:
         return ChangingFootprint(lambda ground: make_footprint(scenario.sensor, ground, remembered), terrain)
     return make_footprint(scenario.sensor, terrain, remembered)
 

@@ -44,7 +44,7 @@ class Purpose(IntEnum):
     RADIO = 14
     PLAN = 16
     MOTION = 17
-    CLOSURE = 18
+    GROUND = 18
     TIES = 19
     INFILTRATION = 20
 

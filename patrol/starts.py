@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.closures.ground import with_closed
-from patrol.closures.spec import closure_points
+from patrol.changing.ground import with_closed
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor
@@ -27,8 +26,9 @@ from patrol.random import Purpose, draw
 from patrol.scenario.sections import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
+    from patrol.changing.ground import Parts
     from patrol.ground.doors import Door
-    from patrol.scenario import RobotSpec, Scenario
+    from patrol.scenario import RobotSpec
 
 ENCLOSED_SHARE = 0.1
 """An enclosed part is preferred when it has at least this share of the largest part at the border."""
@@ -43,23 +43,25 @@ SPACING = 2.0
 """Points that bodies at random starts keep between them."""
 
 
-def starts_of(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
-    """Place the robots, clear of all closures. Raises BadInput, which names the closures where they take the room."""
-    roster, seed, closures = scenario.roster, scenario.seed, scenario.closures
-    if not closures:
+def starts_of(roster: Sequence[RobotSpec], seed: int, terrain: Terrain, closable: Parts) -> tuple[Pose, ...]:
+    """Place the robots, clear of all ground that closes at times.
+
+    Raises BadInput, which names the part of the ground that takes the room.
+    """
+    if not closable:
         return tuple(place_starts(terrain, roster, seed))
     try:
-        return tuple(place_starts(terrain, roster, seed, with_closed(terrain, closures)))
+        return tuple(place_starts(terrain, roster, seed, with_closed(terrain, closable.values())))
     except BadInput:
-        place_starts(terrain, roster, seed)  # raises the same where closures are not to blame
-    number, largest = max(enumerate(closures), key=lambda each: closure_points(each[1], terrain).size)
+        place_starts(terrain, roster, seed)  # raises the same where that ground is not to blame
+    number, (largest, points) = max(enumerate(closable.items()), key=lambda part: part[1][1].size)
     robots = sum(not spec.spare for spec in roster)
     fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
     room = f"no room on {terrain.name} for the starts of {fleet}, which are clear of closures"
     try:
-        place_starts(terrain, roster, seed, with_closed(terrain, [largest]))
+        place_starts(terrain, roster, seed, with_closed(terrain, [points]))
     except BadInput:
-        why = f"closures.{number}.polygon: {largest.name} leaves {room}; make it smaller, or start fewer robots"
+        why = f"closures.{number}.polygon: {largest} leaves {room}; make it smaller, or start fewer robots"
     else:
         why = f"closures: together they leave {room}; make some smaller, or start fewer robots"
     raise BadInput(why)
@@ -72,8 +74,8 @@ def place_starts(
 
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
-    holds the first explicit start, or else the preferred one. They are clear of all closures: `all_closed` is the
-    ground with all of them closed, None without any. A draw depends on the seed and the robot's number. Spare robots
+    holds the first explicit start, or else the preferred one. They are clear of what closes: `all_closed` is the
+    ground with all of it closed, None without any. A draw depends on the seed and the robot's number. Spare robots
     are placed last, so that the others start where they would without spare ones that are no wider. A spare robot for
     which there is no room left gets a drawn place all the same, because it waits until no robot stands there.
     """
@@ -304,7 +306,7 @@ def _shut_door(terrain: Terrain, radius: float, part: BoolGrid) -> Door | None:
 def _place_robot(
     terrain: Terrain, spec: RobotSpec, seed: int, places: NDArray[np.int64], placed: _Placed, all_closed: Terrain | None
 ) -> Pose | None:
-    """Draw a random start clear of closures and of the bodies placed so far, or None when no place is left."""
+    """Draw a random start clear of what closes and of the bodies placed so far, or None when no place is left."""
     heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))
     for attempt in range(1, 1 if placed.is_full(spec.radius) else DRAWS + 1):
         index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]
@@ -323,9 +325,9 @@ def _place_robot(
 
 
 def _is_clear(all_closed: Terrain | None, x: float, y: float, radius: float) -> bool:
-    """Return True if a body overlaps no closure."""
+    """Return True if a body overlaps nothing that closes."""
     if all_closed is None:
         return True
-    from patrol.ground.swept_path import line_is_free  # here: it loads kernels, and few scenarios have closures
+    from patrol.ground.swept_path import line_is_free  # here: it loads kernels, and on little ground something closes
 
     return line_is_free(all_closed, (x, y), (x, y), radius)

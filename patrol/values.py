@@ -37,7 +37,7 @@ from patrol.pose import Model
 from patrol.radio.message import MAX_FRAME, MAX_TRAIL
 
 if TYPE_CHECKING:
-    from patrol.ground.marks import Mark
+    from patrol.ground.marks import Look, Mark, Moment
     from patrol.ground.terrain import Terrain
 
 
@@ -75,6 +75,11 @@ class Section(BaseModel):
     def mark(self, terrain: Terrain, number: int) -> Mark | None:
         """Return what maps show of the section, the `number`-th of a list; None for one that they do not show."""
         del terrain, number
+        return None
+
+    def look(self, moment: Moment) -> Look | None:
+        """Return what its mark looks like at a moment; None for one that never changes."""
+        del moment
         return None
 
     def with_digests(self) -> Self:

@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from agent.chance import Chance
-from patrol.closures.ground import ChangingFootprint
+from patrol.changing.ground import ChangingFootprint
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Twist, Velocity, is_halt

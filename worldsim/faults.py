@@ -23,7 +23,7 @@ from patrol.faults.kinds import (
     Kill,
     Lasting,
     Leave,
-    OnClosure,
+    OnGround,
     OnLinks,
     OnRobots,
     Partition,
@@ -86,7 +86,7 @@ class Timeline:
         self._changes, self._active = self._all_active()
 
     def at(self, k: int) -> tuple[Entry, ...]:
-        """Return the lasting faults of radio, senses, bodies and closures that are active in tick k, by index."""
+        """Return the lasting faults of radio, senses, bodies and ground that are active in tick k, by index."""
         index = bisect_right(self._changes, k) - 1
         return self._active[index] if index >= 0 else ()
 
@@ -136,8 +136,8 @@ class Timeline:
             parts.append(" | ".join(self._name_robots(group) for group in entry.groups))
         elif isinstance(fault, Spoof):
             parts.append(f"{fault.by} as {self._name_robots(entry.who)}")
-        elif isinstance(fault, OnClosure):
-            parts.append(fault.closure)
+        elif isinstance(fault, OnGround):
+            parts.append(fault.part)
         else:
             parts.append(self._name_robots(entry.who))
         shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups", "closure"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from patrol.closures.ground import ChangingFootprint
+from patrol.changing.ground import ChangingFootprint
 from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
@@ -66,7 +66,7 @@ class World:
         for number in self.timeline.starts_absent:
             body = self.bodies[number]
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
-        self.batteries = Batteries(scenario)
+        self.batteries = Batteries(scenario.roster, scenario.docks, scenario.step)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self.closures = Closures(scenario, self.timeline, self.terrain)
         self._intruders = Intruders(scenario, self.truth.footprint)

@@ -4,7 +4,7 @@ Theory of operation
     The belief is that of one robot. It stays there, because positions are all that robots exchange. A point is
     believed blocked from when the robot sees it blocked or bumps into it, until it sees it free, or until it has not
     seen it for `memory` ticks. The robot's sensor is computed on the map without these points
-    (`patrol.closures.ground`). A point that this view shows, and that the robot's senses do not report, is free.
+    (`patrol.changing.ground`). A point that this view shows, and that the robot's senses do not report, is free.
 
     For its ways the robot leaves out all points nearer to blocked ones than its planning radius. What it can reach then
     is the part of the ground that it stands in. Where it stands to see each point is found anew for this part
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Area
-from patrol.closures.ground import ChangingFootprint, faces
+from patrol.changing.ground import ChangingFootprint, faces
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.cspace import clearance_levels, needed_level, parts_of
 from patrol.ground.fields import StaticFields, proxies_of

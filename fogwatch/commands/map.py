@@ -26,10 +26,10 @@ from runtime.starting.warmup import SELDOM, warm
 if TYPE_CHECKING:
     from fogwatch.grounds.map_align import Place
     from fogwatch.grounds.map_check import MapReport, SealedPart
+    from patrol.energy.spec import DockSpec
     from patrol.ground.doors import Door
     from patrol.prepare import Prepared
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import DockSpec
 
 app = group(
     "map", "Check what a robot can reach and see on a map, split it into regions, or find where it lies on another."

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import ChangingTerrain, ClosedPoints
-from patrol.closures.open_ground import OpenGround
+from patrol.changing.ground import ChangingTerrain, ClosedPoints
 from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.fog import Fog
 from patrol.journal.records import CLOSED, Event
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport
     from patrol.ground.left_out import LeftOut
     from patrol.ground.terrain import Terrain
-    from patrol.scenario import ZoneSpec
     from patrol.zones.division import ZonedGround
+    from patrol.zones.spec import ZoneSpec
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
@@ -94,14 +93,15 @@ def closure_lines(prepared: Prepared) -> Iterator[str]:
     starts = {spec.number: start for spec, start in zip(scenario.roster, prepared.starts, strict=True)}
     places = {number: (start.x, start.y) for number, start in starts.items()}
     for closure in scenario.closures:
-        closed = ClosedPoints(scenario.closures, prepared.terrain)
+        closed = ClosedPoints(prepared.closable, prepared.terrain)
         closed.take(Event(0, CLOSED, None, closure.name))
         ground = ChangingTerrain(prepared.terrain)
         ground.close(closed.grid)
-        open_ground = OpenGround(prepared)
+        open_ground, from_one_side = prepared.open_ground(), prepared.open_ground()
+        assert open_ground is not None
+        assert from_one_side is not None
         open_ground.tick(0, ground, closed.names, places)
         out = np.count_nonzero(open_ground.closed_out) * area
-        from_one_side = OpenGround(prepared)
         from_one_side.tick(0, ground, closed.names, _largest_side(prepared, ground))
         behind = np.count_nonzero(from_one_side.closed_out) * area
         alone = [scenario.roster[number - 1].name for number in open_ground.shut_in()]
@@ -147,7 +147,7 @@ def scenario_notes(prepared: Prepared) -> list[str]:
 def _in_sight(prepared: Prepared) -> list[str]:
     """Say that the robots see all ground from their starts, which leaves them nothing to do."""
     scenario, sensor = prepared.scenario, prepared.scenario.sensor
-    if sensor.kind not in BUILT_IN_SENSORS or sensor.quality != 1.0 or scenario.closures:
+    if sensor.kind not in BUILT_IN_SENSORS or sensor.quality != 1.0 or scenario.changes_ground:
         return []
     fog, footprint = Fog(prepared.patrolled), sensor_footprint(scenario, prepared.terrain)
     for spec, start in zip(scenario.roster, prepared.starts, strict=True):

@@ -15,7 +15,7 @@ from monitor.figures import ground as figures
 from patrol.ground.cspace import grown
 from patrol.ground.doors import Door
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.palette import LIGHT, MARKS, NEVER_SEEN, WALL, rgb
+from patrol.palette import LIGHT, MARKS, MEANINGS, NEVER_SEEN, WALL, rgb
 from patrol.pose import Pose
 from ros2.wire.frames import inverted
 
@@ -35,14 +35,6 @@ PERHAPS_UNKNOWN = "#c9a7d8"
 PASSES = "#1d5f8a"
 MOST_DOORS = 25
 """Doors drawn at most: first those too narrow for the body, then the narrowest of the others."""
-KINDS = {
-    "keepout": "keep-out",
-    "slow": "slow zone",
-    "weight": "zone with a weight or an age",
-    "closure": "closure",
-    "dock": "dock",
-}
-"""Words of the legend for kinds of marks."""
 
 
 def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> None:
@@ -94,7 +86,7 @@ def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[fig
             style, above = ("dashed", 12.0) if mark.closes else ("solid", 0.0)  # doors have their widths there
             figures.draw_outline(axes, terrain, mark.points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
         figures.label(axes, *mark.at, mark.label, colour=colour, size=8.0, above=above)
-        keys[mark.kind] = figures.Key(colour, KINDS[mark.kind], sign)
+        keys[mark.kind] = figures.Key(colour, MEANINGS[mark.kind], sign)
     return [keys[kind] for kind in MARKS if kind in keys]
 
 

@@ -35,14 +35,14 @@ from monitor.observation.source import (
     TickRate,
 )
 from monitor.observation.traps import TrapWatch
-from patrol.closures.ground import Closings
+from patrol.changing.ground import Closings
 from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.pose import Pose
-from patrol.prepare import inboxes_of, prepare, sensor_footprint
+from patrol.prepare import closable_ground, inboxes_of, prepare, sensor_footprint
 from patrol.radio.message import as_received
 from patrol.scenario.controls import (
     CONTROLS,
@@ -111,7 +111,7 @@ class FeedSource(Source):
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(scenario, self._terrain)
-        self._closings = Closings(scenario.closures, self._terrain)
+        self._closings = Closings(closable_ground(scenario, self._terrain), self._terrain)
         self._step = scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
         self._numbers = scenario.numbers
@@ -237,7 +237,7 @@ class FeedSource(Source):
 
     def _begin_state(self, so_far: SoFar) -> None:
         """Start, or start again, from the state so far."""
-        batteries = Batteries(self._given)
+        batteries = Batteries(self._given.roster, self._given.docks, self._given.step)
         if so_far.charge.keys() != set(batteries.numbers):
             raise Malformed("the charge of other robots than have batteries")
         self._batteries = batteries
@@ -254,7 +254,7 @@ class FeedSource(Source):
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
         events = sorted(self._checks.events(so_far.asked), key=lambda event: event.k)
-        self._closings = Closings(self._given.closures, self._terrain, events)
+        self._closings = Closings(self._closings.now.points, self._terrain, events)
         for event in events:
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures.ground import Closings
+    from patrol.changing.ground import Closings
     from patrol.ground.footprint import Footprint
 
 

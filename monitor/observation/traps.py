@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
-from patrol.closures.ground import ChangingTerrain
-from patrol.closures.open_ground import OpenGround
+from patrol.changing.ground import ChangingTerrain
 from patrol.journal.records import Event, Status
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures.ground import Closings
+    from patrol.changing.ground import Closings
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
 
@@ -37,7 +36,7 @@ class TrapWatch:
 
         With `from_start` the robots start at tick 0; otherwise the first tick is only the first that is known.
         """
-        self._open_ground = OpenGround(prepared) if prepared.scenario.closures else None
+        self._open_ground = prepared.open_ground()
         self._ground, self._closed = ChangingTerrain(prepared.terrain), frozenset[str]()
         self._traps = Traps(prepared, self._open_ground)
         self._step = prepared.scenario.step

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in, read_summary
-from patrol.closures.ground import Closings
+from patrol.changing.ground import Closings
 from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
@@ -126,8 +126,8 @@ class Run:
 
     @cached_property
     def closings(self) -> Closings:
-        """The closures that are closed at each tick."""
-        return Closings(self.prepared.scenario.closures, self.prepared.terrain, self.journal.events)
+        """The parts of the ground that are closed at each tick."""
+        return self.prepared.closings(self.journal.events)
 
     @property
     def title(self) -> str:
@@ -207,7 +207,9 @@ def read_run(
     index = {robot.number: column for column, robot in enumerate(robots)}
     scenario = prepared.scenario
     numbers = [robot.number for robot in journal.header.robots]
-    rows = _Rows(index, numbers, Batteries(scenario), MOST_CAUSES + len(scenario.faults))
+    rows = _Rows(
+        index, numbers, Batteries(scenario.roster, scenario.docks, scenario.step), MOST_CAUSES + len(scenario.faults)
+    )
     totals = RunTotals(journal.header, scenario.step, int(np.count_nonzero(prepared.patrolled)))
     trace = TraceHash(scenario.spares)
     for record in journal.ticks:

@@ -11,14 +11,15 @@ open unless a fault of kind `close` closes it, which operators give too.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Iterable
 from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from patrol.ground.marks import Look, Mark, mark_ground
+from patrol.changing.ground import Parts
+from patrol.ground.marks import Look, Mark, Moment, mark_ground
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import Terrain
 from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
@@ -60,9 +61,9 @@ class ClosureSpec(Section):
         points.reshape(-1)[closure_points(self, terrain)] = True
         return mark_ground("closure", self.name, self.name, points, terrain, closes=True)
 
-    def look(self, closed: Collection[str], waiting: Collection[str]) -> Look:
-        """Return what its mark looks like; `closed` and `waiting` are names of closures."""
-        filled, waits = self.name in closed, self.name in waiting
+    def look(self, moment: Moment) -> Look:
+        """Return what its mark looks like at a moment."""
+        filled, waits = self.name in moment.closed, self.name in moment.waiting
         return Look(f"{self.name} waits" if waits else self.name, filled or waits, filled, waits)
 
 
@@ -71,6 +72,11 @@ Closures = Annotated[
     at_most(MOST_CLOSURES, "closures"),
     listed_in_file("closures", "{name: door, polygon: ..., closed: [[60, 90]]}"),
 ]
+
+
+def closable_parts(closures: Iterable[ClosureSpec], terrain: Terrain) -> Parts:
+    """Return the points of each closure by its name; nothing may be closed on the terrain."""
+    return {closure.name: closure_points(closure, terrain) for closure in closures}
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:

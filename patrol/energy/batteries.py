@@ -19,7 +19,10 @@ from patrol.journal.records import RobotTick, Status
 from patrol.pose import command_of
 
 if TYPE_CHECKING:
-    from patrol.scenario import Scenario
+    from collections.abc import Sequence
+
+    from patrol.energy.checks import ChargedRobot
+    from patrol.energy.spec import DockSpec
 
 EMPTY_J = 1e-3
 """A battery with less than this in it is empty, J."""
@@ -41,12 +44,11 @@ class Batteries:
     `docked` are the numbers of the robots that charged in the last tick.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, roster: Sequence[ChargedRobot], docks: Sequence[DockSpec], step: float) -> None:
         """Begin with each battery's first charge."""
-        self._step = scenario.step
-        self._docks = scenario.docks
-        self._models = {spec.number: spec.model for spec in scenario.roster}
-        self._specs = {spec.number: spec.battery for spec in scenario.roster if spec.battery is not None}
+        self._step, self._docks = step, docks
+        self._models = {spec.number: spec.model for spec in roster}
+        self._specs = {spec.number: spec.battery for spec in roster if spec.battery is not None}
         self._levels_j = {number: spec.start * spec.capacity_j for number, spec in self._specs.items()}
         self._before: dict[int, Status] = {}
         self.docked: frozenset[int] = frozenset()

@@ -3,29 +3,48 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from patrol.energy.spec import JOULES
 from patrol.errors import BadInput
+from patrol.robot import Robot
 from patrol.values import wrong
 
 if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from patrol.scenario.model import Scenario
+    from collections.abc import Mapping, Sequence
+
+    from patrol.energy.spec import BatterySpec, DockSpec
+    from patrol.ground.fields import StaticFields
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
 
 
-def check_docks(scenario: Scenario) -> None:
+class ChargedRobot(Robot, Protocol):
+    """A robot that may have a battery."""
+
+    @property
+    def battery(self) -> BatterySpec | None:
+        """None for one that never gets empty."""
+        ...
+
+
+def check_docks(docks: Sequence[DockSpec], roster: Sequence[ChargedRobot]) -> None:
     """Refuse docks where nothing charges."""
-    if scenario.docks and all(spec.battery is None for spec in scenario.roster):
+    if docks and all(spec.battery is None for spec in roster):
         raise wrong("docks", "no robot has a battery, so none ever charges; give robots.battery, or drop docks")
 
 
-def check_docks_on_ground(prepared: Prepared) -> None:
-    """Refuse docks that no robot gets to, and robots that get to none."""
-    scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields
-    charged = [spec for spec in scenario.roster if spec.battery is not None]
+def check_docks_on_ground(
+    docks: Sequence[DockSpec],
+    terrain: Terrain,
+    roster: Sequence[ChargedRobot],
+    starts: Sequence[Pose],
+    fields: Mapping[int, StaticFields],
+) -> None:
+    """Refuse docks that no robot gets to, and robots that get to none; `fields` are by the robot's number."""
+    charged = [spec for spec in roster if spec.battery is not None]
     served: set[int] = set()
-    for number, dock in enumerate(scenario.docks):
+    for number, dock in enumerate(docks):
         where = f"docks.{number}.place = [{dock.place[0]:g}, {dock.place[1]:g}]"
         row, col = terrain.point_at(*dock.place)
         serves = {spec.number for spec in charged if terrain.inside(row, col) and fields[spec.number].reach[row, col]}
@@ -36,20 +55,20 @@ def check_docks_on_ground(prepared: Prepared) -> None:
                 f"docks.{number}.radius = {dock.radius:g}: robots stand at centres of points, and the nearest is "
                 f"{away:.2f} m away; give more, or move the dock to a centre"
             )
-        for earlier, earlier_dock in enumerate(scenario.docks[:number]):
+        for earlier, earlier_dock in enumerate(docks[:number]):
             if (apart := math.dist(dock.place, earlier_dock.place)) < dock.radius + earlier_dock.radius:
                 raise BadInput(
                     f"{where}: {apart:g} m from docks.{earlier}, so one robot would stand at both; "
                     "move it, or give both smaller radii"
                 )
         served |= serves
-    for spec, start in zip(scenario.roster, prepared.starts, strict=True):
+    for spec, start in zip(roster, starts, strict=True):
         battery = spec.battery
-        if battery is None or not scenario.docks:
+        if battery is None or not docks:
             continue
         if spec.number not in served:
             raise BadInput(f"docks: {spec.name} gets to none of them; add one in its part of {terrain.name}")
-        away_m = min(max(0.0, math.dist(dock.place, (start.x, start.y)) - dock.radius) for dock in scenario.docks)
+        away_m = min(max(0.0, math.dist(dock.place, (start.x, start.y)) - dock.radius) for dock in docks)
         needed_wh = away_m * (battery.drive + battery.idle / spec.speed) / JOULES
         if needed_wh > battery.start * battery.capacity:
             raise BadInput(

@@ -1,4 +1,4 @@
-"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and to closures.
+"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and to the ground.
 
 `worldsim.faults` says which robots and ticks a scenario's faults mean.
 """
@@ -79,7 +79,7 @@ class Wait(OneOf):
 KINDS: dict[str, type[Fault]] = {}
 """The model of each kind of fault, in the order in which the models are defined here."""
 
-ActsOn = Literal["processes", "frames", "senses", "bodies", "closures"]
+ActsOn = Literal["processes", "frames", "senses", "bodies", "ground"]
 
 
 class Fault(Section):
@@ -90,7 +90,7 @@ class Fault(Section):
     """
 
     # processes need a launcher that can start and stop robots, and frames an ether; senses: what a robot measures;
-    # bodies: what its body does; closures: closes or opens one
+    # bodies: what its body does; ground: closes or opens a part of it
     acts_on: ClassVar[ActsOn]
     EXAMPLE = "{kind: kill, at: 60, who: one}"
     model_config = ConfigDict(serialize_by_alias=True)
@@ -354,21 +354,21 @@ class Motion(OnRobots, Lasting):
         return self
 
 
-class OnClosure(Lasting):
-    """A fault that decides whether a closure is closed; of several in force, the one that began last does."""
+class OnGround(Lasting):
+    """A fault that decides whether a part of the ground is closed; of several in force, the latest one does."""
 
-    acts_on = "closures"
+    acts_on = "ground"
 
-    closure: Name = Field(description="name of a closure of the scenario")
+    part: Name = Field(alias="closure", description="name of a closure of the scenario")
 
 
-class Close(OnClosure):
+class Close(OnGround):
     """A closure is closed, whatever its own times and rates say."""
 
     kind: Literal["close"] = Field(description=KIND)
 
 
-class Open(OnClosure):
+class Open(OnGround):
     """A closure is open, whatever its own times and rates say."""
 
     kind: Literal["open"] = Field(description=KIND)
@@ -383,7 +383,7 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """List the kinds of faults that act on processes, frames, senses, bodies or closures."""
+    """List the kinds of faults that act on processes, frames, senses, bodies or the ground."""
     return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
 
 

@@ -1,4 +1,4 @@
-"""Checks of a scenario's faults against its robots, its closures and its duration."""
+"""Checks of a scenario's faults against its robots, the ground that closes and its duration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from patrol.errors import did_you_mean
-from patrol.faults.kinds import STRANGER, Fault, Forgery, OnClosure, OnLinks, Partition, Spoof
+from patrol.faults.kinds import STRANGER, Fault, Forgery, OnGround, OnLinks, Partition, Spoof
 from patrol.faults.targets import Drawing, TargetField, check_name, check_who, meant
 from patrol.values import wrong
 
@@ -25,15 +25,15 @@ def check_faults(
     faults: Sequence[Fault],
     names: Sequence[str],
     spares: frozenset[int],
-    closures: Sequence[str],
+    parts: Sequence[str],
     step: float,
     ticks: int,
     seed: int,
 ) -> None:
-    """Raise for the first fault that the roster, the closures or the duration rule out.
+    """Raise for the first fault that the roster, the closable parts of the ground or the duration rule out.
 
     Such a fault names no robot of the roster, wants too many or none, cuts no robot off, forges in no other name, names
-    no closure, or comes after the last tick. `names` are of the whole roster, in the order of the robots' numbers;
+    no such part, or comes after the last tick. `names` are of the whole roster, in the order of the robots' numbers;
     targets by size are of the robots that are not spare.
     """
     fleet = len(names) - len(spares)
@@ -55,9 +55,9 @@ def check_faults(
             _check_insider(fault, names, spares, (seed, index, TargetField.AS))
         if isinstance(fault, OnLinks):
             _check_links(fault, names, spares, seed, index)
-        if isinstance(fault, OnClosure) and fault.closure not in closures:
-            hint = did_you_mean(fault.closure, closures) if closures else "the scenario has none; list it in closures"
-            raise wrong(f"{where}.closure", f"there is no closure {fault.closure}; {hint}")
+        if isinstance(fault, OnGround) and fault.part not in parts:
+            hint = did_you_mean(fault.part, parts) if parts else "the scenario has none; list it in closures"
+            raise wrong(f"{where}.closure", f"there is no closure {fault.part}; {hint}")
 
 
 def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:

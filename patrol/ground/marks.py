@@ -6,7 +6,7 @@ has the colours.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,14 @@ class Mark(NamedTuple):
     radius: float = 0.0  # of a place, m
     closes: bool = False  # the points may be closed, and are filled then
     section: str = ""  # name of the section in the scenario
+
+
+class Moment(NamedTuple):
+    """A time of a run, for the looks of marks: the clock, and the state of the ground."""
+
+    time_s: float
+    closed: Collection[str]  # names of the parts of the ground that are closed
+    waiting: Collection[str]  # names of those that wait until bodies are clear of them
 
 
 class Look(NamedTuple):

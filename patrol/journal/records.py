@@ -50,8 +50,8 @@ DOCKING, CHARGING = "docking", "charging"
 """The states of a mind whose robot is on its way to a dock or waits for one, and stands at one."""
 
 CLOSED, OPENED, STAYS_OPEN = "closed", "opened", "stays open"
-"""The kinds of the events of closures; their detail is the closure's name. One that waits until robots have left it
-(`patrol.closures.ground.WAITS`) stays open where it is to be open again before it could close."""
+"""The kinds of the events of ground that closes and opens; their detail is the part's name. A part that waits until
+robots have left it (`patrol.changing.ground.WAITS`) stays open where it is to be open again before it could close."""
 
 IN_FORCE, OUT_OF_FORCE = "in force", "out of force"
 """The kinds of the events of zones that begin and end after tick 0; their detail is the zone's name."""

@@ -27,7 +27,7 @@ from patrol.scenario.policies import CommittedPatrol
 from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
-    from patrol.closures.open_ground import OpenGround
+    from patrol.changing.open_ground import OpenGround
     from patrol.prepare import Prepared
 
 LOOK_S = 5.0

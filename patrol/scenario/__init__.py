@@ -1,7 +1,5 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
-from patrol.closures.spec import ClosureSpec
-from patrol.energy.spec import BatterySpec, DockSpec
 from patrol.scenario.explain import naming
 from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.load import (
@@ -29,17 +27,13 @@ from patrol.scenario.policies import (
 from patrol.scenario.radio_spec import RadioSpec
 from patrol.scenario.sections import IntruderSpec, RobotEntry, RobotGroup, RobotSpec, SensorSpec, TerrainSpec
 from patrol.values import BUILTINS, MAX_ROBOTS
-from patrol.zones.spec import ZoneSpec
 
 __all__ = [
     "BUILTINS",
     "MAX_ROBOTS",
-    "BatterySpec",
     "BodyLengths",
-    "ClosureSpec",
     "CommitmentOptions",
     "CommittedOptions",
-    "DockSpec",
     "IntruderSpec",
     "PatrolOptions",
     "PatrolSpec",
@@ -52,7 +46,6 @@ __all__ = [
     "SensorSpec",
     "StochasticOptions",
     "TerrainSpec",
-    "ZoneSpec",
     "as_mapping",
     "changed_scenario",
     "dump_scenario",

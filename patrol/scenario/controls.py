@@ -30,13 +30,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
 from patrol.errors import BadInput, did_you_mean, in_flow, quoted
-from patrol.faults.kinds import Clock, Lasting, OnClosure, nothing
+from patrol.faults.kinds import Clock, Lasting, OnGround, nothing
 from patrol.faults.roster import tick_of, ticks_of
 from patrol.files.untrusted import refuse_half_characters
 from patrol.journal.records import Event
-from patrol.scenario import Scenario, ZoneSpec, as_mapping, load_scenario
+from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong
-from patrol.zones.spec import Span, Weight, holds_tick
+from patrol.zones.spec import Span, Weight, ZoneSpec, holds_tick
 
 
 def worded(event: Event) -> Event:
@@ -325,15 +325,15 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
         raise BadInput(f"control: fault.at = {quoted(delay_s)}: expected seconds from now, from 0 to {LARGEST:g}")
     begin = k + tick_of(delay_s, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
-    for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:
-        if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
+    for before in [fault for fault in scenario.faults if isinstance(fault, OnGround)]:
+        if before.part == entry.get("closure") and _is_active(before, scenario.step, begin):
             scenario = _heal_fault(scenario, begin, str(before.id))
     known_ids = {fault.id for fault in scenario.faults}
     entry.setdefault("id", next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in known_ids))
     extended = _with_entry(scenario, "faults", len(scenario.faults), entry)
     fault = extended.faults[-1]
-    if isinstance(fault, OnClosure):
-        return extended, f"{fault.id} {fault.kind} {fault.closure} from tick {begin} on; heal {fault.id} takes it back"
+    if isinstance(fault, OnGround):
+        return extended, f"{fault.id} {fault.kind} {fault.part} from tick {begin} on; heal {fault.id} takes it back"
     return extended, f"{fault.id} {fault.kind} from tick {begin} on"
 
 

@@ -210,7 +210,6 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     if (meant := MEANT.get(key.lower())) in _section_keys(section):
         return f"did you mean {meant}?"
     everywhere: dict[str, type[Section]] = {
-        "closures": SECTIONS["closures"],  # before zones, whose polygon is more often meant
         **SECTIONS,
         "robots": RobotGroup,
         "patrol.options": PotentialFieldOptions,

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from patrol.ground.marks import Moment
 from patrol.scenario.explain import SECTIONS
 from patrol.values import Section
 
 if TYPE_CHECKING:
-    from patrol.closures.ground import Closings
+    from patrol.changing.ground import Closings
     from patrol.ground.marks import Look, Mark
     from patrol.ground.terrain import Terrain
     from patrol.scenario.model import Scenario
@@ -35,7 +36,9 @@ def marks_of(scenario: Scenario | Mapping[str, Any], terrain: Terrain) -> list[M
 def looks_at(scenario: Scenario, k: int, closings: Closings | None = None) -> Looks:
     """Return what a scenario's marks look like at a tick; without `closings` nothing is known to be closed."""
     closed, waiting = (frozenset[str](), frozenset[str]()) if closings is None else closings.at(k)
+    moment = Moment(k * scenario.step, closed, waiting)
     return {
-        "zones": {zone.name: zone.look(k * scenario.step) for zone in scenario.zones},
-        "closures": {closure.name: closure.look(closed, waiting) for closure in scenario.closures},
+        name: {entry.name: entry.look(moment) for entry in getattr(scenario, name)}
+        for name, section in SECTIONS.items()
+        if section.look is not Section.look
     }

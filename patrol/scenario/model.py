@@ -89,7 +89,7 @@ class Scenario(Section):
         """
         says = self.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
         self.reduce(says, files)
-        if self.closures:
+        if self.changes_ground:
             says["patrol"]["blocked_memory"] = self.patrol.blocked_memory
         return {**says, "robots": [spec.meaning for spec in self.roster]}
 
@@ -104,6 +104,11 @@ class Scenario(Section):
         for derived in ("roster", "lengths"):
             copied.__dict__.pop(derived, None)
         return copied
+
+    @property
+    def changes_ground(self) -> bool:
+        """True if parts of the ground close and open."""
+        return bool(self.closures)
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -160,8 +165,8 @@ class Scenario(Section):
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
             check_random_steps(self.patrol.options, {spec.model for spec in self.roster})
-        check_zones(self)
-        check_closures(self)
+        check_zones(self.zones, self.roster, self.step, self.ticks)
+        check_closures(self.closures, self.patrol.paths, self.step)
         names, closures = ([spec.name for spec in specs] for specs in (self.roster, self.closures))
         check_faults(self.faults, names, self.spares, closures, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
@@ -180,7 +185,7 @@ class Scenario(Section):
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
             raise wrong("robots", "all robots are spare, so none patrols; leave spare out for one")
-        check_docks(self)
+        check_docks(self.docks, self.roster)
         names: dict[str, int] = {}
         for spec in self.roster:
             if names.setdefault(spec.name, spec.number) != spec.number:

@@ -396,7 +396,7 @@ class PatrolSpec(ClassSection):
         5.0, description="s after the last report of an intruder until patrolling resumes"
     )
     blocked_memory: Positive = Field(
-        BLOCKED_MEMORY_S, description="s after which a robot forgets ground blocked by a closure or a robot not heard"
+        BLOCKED_MEMORY_S, description="s after which a robot forgets closed ground or a robot not heard"
     )
 
     @property

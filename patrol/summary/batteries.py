@@ -46,7 +46,8 @@ class BatteryTotals:
         self._names = {robot.number: robot.name for robot in header.robots}
         robots = header.scenario.get("robots", {})
         if any(group.get("battery") for group in (robots if isinstance(robots, list) else [robots])):
-            self._batteries = batteries = Batteries(load_scenario(header.scenario, opens_classes=False))
+            scenario = load_scenario(header.scenario, opens_classes=False)
+            self._batteries = batteries = Batteries(scenario.roster, scenario.docks, scenario.step)
             for number in batteries.numbers:
                 share = batteries.share(number) or 0.0
                 self._robots[number] = _Robot(share, share)

@@ -29,7 +29,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.ground.marks import Look, Mark, mark_ground
+from patrol.ground.marks import Look, Mark, Moment, mark_ground
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.maps.map_file import read_map_file
 from patrol.values import (
@@ -221,8 +221,9 @@ class ZoneSpec(Section):
         del number
         return mark_ground(self.kind, self.name, self.label, points_of(self, terrain), terrain)
 
-    def look(self, time_s: float) -> Look:
-        """Return what its mark looks like at a time."""
+    def look(self, moment: Moment) -> Look:
+        """Return what its mark looks like at a moment."""
+        time_s = moment.time_s
         return Look(self.label_at(time_s), self.holds(time_s), weight=self.weight_at(time_s))
 
     @property

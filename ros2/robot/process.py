@@ -80,7 +80,7 @@ def _robot_name(options: argparse.Namespace) -> str:
 
 def _check_scenario(scenario: Scenario, drive: str) -> None:
     """Refuse closures and batteries, which a ROS 2 robot does not sense, and zones that Nav2 does not know."""
-    if scenario.closures:
+    if scenario.changes_ground:
         raise NotPrepared("closures: a ROS 2 robot reports nothing blocked here; drop them")
     if any(spec.battery is not None for spec in scenario.roster):
         raise NotPrepared("robots.battery: a ROS 2 robot reports no charge here; drop it and docks")

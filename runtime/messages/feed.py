@@ -46,7 +46,7 @@ MAX_TICKS_BEFORE = 1 << 25
 """Ticks of the longest run that can be joined late; the fog keeps a number for each of them."""
 
 MAX_EVENTS = 1 << 17
-"""Events in an answer: the latest ones, and those of operators and closures."""
+"""Events in an answer: the latest ones, and those of operators and of the ground."""
 
 MAX_SERIES = 1 << 14
 """Points of each curve in an answer."""
@@ -107,7 +107,7 @@ class SoFar:
     last_seen: NDArray[np.int32]  # (h, w), of the true fog after that tick; -1 is never
     events: tuple[bytes, ...]  # packed records, the latest ones
     event: int  # number of events before those
-    asked: tuple[bytes, ...]  # packed: all of operators' controls, the latest of each closure
+    asked: tuple[bytes, ...]  # packed: all of operators' controls, the latest of each part of the ground
     every: int  # ticks between the values of the series
     mfow: NDArray[np.float32]  # ticks
     fog_mean: NDArray[np.float32]  # ticks

@@ -20,7 +20,7 @@ from patrol.exchange import Sensed
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from patrol.prepare import Prepared, sensor_footprint
+from patrol.prepare import Prepared, closable_ground, sensor_footprint
 from patrol.scenario import PotentialFieldOptions, Scenario
 
 STEP = 0.5
@@ -30,7 +30,13 @@ def prepared_on(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) ->
     """A scenario on another terrain than its own; robots of 1 m radius reach what they reach from the starts."""
     fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, list(starts))
     all_starts = (*starts, *[starts[-1]] * (len(scenario.roster) - len(starts)))
-    return Prepared(scenario, terrain, all_starts, {spec.number: fields for spec in scenario.roster})
+    return Prepared(
+        scenario,
+        terrain,
+        all_starts,
+        {spec.number: fields for spec in scenario.roster},
+        closable_ground(scenario, terrain),
+    )
 
 
 def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, float], ...] = ()) -> Sensed:

@@ -65,7 +65,7 @@ def prepared_in(
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
     scenario = load_scenario({**mapping, **sections})
     fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
-    return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
+    return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster}, {})
 
 
 class Says:

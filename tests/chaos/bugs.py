@@ -22,7 +22,7 @@ from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
 from fogwatch.inprocess import InProcessFleet
-from patrol.closures.ground import WAITING
+from patrol.changing.ground import WAITING
 from patrol.energy.batteries import Batteries
 from patrol.faults.kinds import Clock
 from patrol.ground.fog import Fog

@@ -14,7 +14,7 @@ from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from patrol.prepare import Prepared, inboxes_of
+from patrol.prepare import Prepared, closable_ground, inboxes_of
 from patrol.radio.inbox import Inboxes
 from patrol.radio.message import Position, encode
 from patrol.random import draw
@@ -148,7 +148,15 @@ class Lab:
         proxy = np.full(ground.shape, -1, dtype=np.int32)
         fields = StaticFields(cspace=ground.free, reach=ground.free, patrolled=ground.free, proxy=proxy)
         poses = tuple(Pose(*start) for start in starts)
-        return World(Prepared(scenario, ground, poses, {spec.number: fields for spec in scenario.roster}))
+        return World(
+            Prepared(
+                scenario,
+                ground,
+                poses,
+                {spec.number: fields for spec in scenario.roster},
+                closable_ground(scenario, ground),
+            )
+        )
 
     def patrol(self, ticks: int = 40, seed: int = 1, **more: Any) -> World:
         """A world with two cars, a differential drive and a holonomic robot, not yet begun."""

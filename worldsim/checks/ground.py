@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import ChangingFootprint, ClosedPoints
-from patrol.closures.open_ground import OpenGround
+from patrol.changing.ground import ChangingFootprint, ClosedPoints
 from patrol.ground.fog import Fog
 from patrol.journal import Status
 from patrol.pose import Pose
@@ -25,17 +24,17 @@ if TYPE_CHECKING:
 
 
 class ClosedGround(JournalReading):
-    """The ground, tick by tick, by the journal's events of closures; without closures it never changes.
+    """The ground, tick by tick, by the journal's events of what closes and opens.
 
-    `closure_events` are those just before this tick.
+    `ground_events` are those just before this tick.
     """
 
     needs_no_robots = True
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
-        self.closed = ClosedPoints(run.prepared.scenario.closures, run.prepared.terrain)
-        self.closure_events: Sequence[Event] = ()
+        self.closed = ClosedPoints(run.prepared.closable, run.prepared.terrain)
+        self.ground_events: Sequence[Event] = ()
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -54,8 +53,8 @@ class ClosedGround(JournalReading):
         """Take in the events before a tick."""
         if not self.closed.points:
             return
-        self.closure_events = [event for event in self._events_before(record.k) if self.closed.take(event)]
-        if self.closure_events and isinstance(self.footprint, ChangingFootprint):
+        self.ground_events = [event for event in self._events_before(record.k) if self.closed.take(event)]
+        if self.ground_events and isinstance(self.footprint, ChangingFootprint):
             self.footprint.close(self.closed.grid)
 
 
@@ -78,13 +77,13 @@ class TrueFog(JournalReading):
 class GroundOpen(JournalReading):
     """The ground that is open to view, tick by tick.
 
-    `open_ground` has the points that each robot can get to and see; None where the scenario has no closures.
+    `open_ground` has the points that each robot can get to and see; None where nothing ever closes.
     """
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
         self._ground = run.reading(ClosedGround)
-        self.open_ground = OpenGround(run.prepared) if run.prepared.scenario.closures else None
+        self.open_ground = run.prepared.open_ground()
 
     def tick(self, record: TickRecord) -> None:
         """Take in the places of the robots."""

@@ -260,7 +260,7 @@ class Hearing(Check):
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
         """Return True if the fog is verified, the world carried frames, and a fault or a key makes robots refuse."""
-        on_frames = any(entry.fault.acts_on not in ("processes", "closures") for entry in run.timeline.entries)
+        on_frames = any(entry.fault.acts_on not in ("processes", "ground") for entry in run.timeline.entries)
         keyed = run.prepared.scenario.radio.key is not None
         return run.verify_fog and run.by_ether and (on_frames or keyed)
 

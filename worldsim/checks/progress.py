@@ -198,7 +198,7 @@ class ProgressCheck(Check):
     def _about_fog(self, end: Stalest) -> tuple[str, str]:
         """Return a warning about the fog at the end, or empty, and without one the finding."""
         if self._was_closed_out:
-            return "", self._behind_closures()
+            return "", self._behind_closed_ground()
         never, took_s = self._fog.points - self._fog.seen, self._ticks * self._step
         fresh = "all that can be seen was seen, and nothing was stale for long at the end"
         if not never and end.age_s <= min(0.5 * took_s, SHORTEST_S):
@@ -225,7 +225,7 @@ class ProgressCheck(Check):
             return "", "the fog is not judged: there is no tour to compare with, and new ground was seen to the end"
         return self._describe_unseen(never, took_s), ""
 
-    def _behind_closures(self) -> str:
+    def _behind_closed_ground(self) -> str:
         """Return the text about the fog where ground was closed out."""
         assert self._open_ground is not None
         missing = self._never_seen()

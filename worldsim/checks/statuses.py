@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import closure_of
+from patrol.changing.ground import part_of
 from patrol.exchange import FIRST_INCARNATION
 from patrol.faults.kinds import Kill, OnProcesses, Pause
 from patrol.journal import Event, Status
@@ -249,7 +249,7 @@ class EventsFollow(Check):
         self._expected = run.reading(ExpectedStatuses)
         self._fault_ticks = {k for entry in run.timeline.entries for k in (entry.begin, entry.end)}
         scenario = run.prepared.scenario
-        self._closures = {closure.name for closure in scenario.closures}
+        self._closable = set(run.prepared.closable)
         self._timed_zones = {zone.name for zone in scenario.zones if zone.times is not None}
         self._is_lost = False
         self._last: TickRecord | None = None
@@ -269,7 +269,7 @@ class EventsFollow(Check):
         """Compare the events after the last tick, of which a run that was interrupted has the first few."""
         k = last.k + 1
         if k == self._run.prepared.scenario.ticks:
-            self._closures = self._timed_zones = set()  # the world changes them only before a tick
+            self._closable = self._timed_zones = set()  # the world changes them only before a tick
             self._compare_events(k, left, [])
             return
         self._expected.tick(replace(last, k=k))
@@ -305,9 +305,9 @@ class EventsFollow(Check):
             elif event.kind in (IN_FORCE, OUT_OF_FORCE):
                 compared = event.robot is not None or event.detail not in self._timed_zones
             elif event.kind in (CLOSED, OPENED, STAYS_OPEN):
-                compared = event.robot is not None or event.detail not in self._closures
+                compared = event.robot is not None or event.detail not in self._closable
             elif event.kind == WAITING:
-                compared = closure_of(event) not in self._closures and event not in self._expected.may_wait
+                compared = part_of(event) not in self._closable and event not in self._expected.may_wait
             elif event.kind == LOOKED_AT:
                 # It belongs to the event of a pause or a resumption right before it; without one it is out of place.
                 compared = before is None or before.kind not in (_ALIVE, _PAUSED) or before.robot != event.robot

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import closure_of
+from patrol.changing.ground import part_of
 from patrol.energy.batteries import Batteries
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
@@ -77,11 +77,11 @@ class Feed:
         self._size = 0
         self._due = self._answer_due = 0.0
         self._last: bytes | None = None
-        self._batteries = Batteries(world.scenario)
+        self._batteries = Batteries(world.scenario.roster, world.scenario.docks, world.scenario.step)
         self._events: deque[bytes] = deque(maxlen=MOST_EVENTS)
         self._happened = 0
         self._asked: list[bytes] = []
-        self._closures: dict[str, bytes] = {}
+        self._ground_events: dict[str, bytes] = {}
         self._mfow, self._fog_mean = array("f"), array("f")
         self._asking: list[Question] = []
         self._answering = False
@@ -107,8 +107,8 @@ class Feed:
             self._happened += 1
             if record.kind == OPERATOR:
                 self._asked.append(payload)
-            elif name := closure_of(record):
-                self._closures[name] = payload
+            elif name := part_of(record):
+                self._ground_events[name] = payload
         if self._size >= BATCH_BYTES or self._now() >= self._due:
             self.flush()
 
@@ -180,7 +180,7 @@ class Feed:
             last_seen=self._world.truth.fog.last_seen.copy(),
             events=tuple(self._events),
             event=self._happened - len(self._events),
-            asked=(*self._asked, *self._closures.values()),
+            asked=(*self._asked, *self._ground_events.values()),
             every=every,
             mfow=thinned(self._mfow, every),
             fog_mean=thinned(self._fog_mean, every),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from patrol.closures.open_ground import OpenGround
 from patrol.journal import Status
 from patrol.measures.progress import Trap, Traps
 from runtime.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
@@ -24,7 +23,7 @@ class LiveProgress:
         self._world = world
         self._names = {spec.number: spec.name for spec in scenario.roster}
         self._watcher = Watcher(self._names, world.truth.fog.points, scenario.step, scenario.ticks, now)
-        self._open_ground = OpenGround(world.prepared) if scenario.closures else None
+        self._open_ground = world.prepared.open_ground()
         self._traps = Traps(world.prepared, self._open_ground)
 
     def tick(self, record: TickRecord) -> tuple[Metrics | None, list[Notice]]:

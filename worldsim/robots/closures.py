@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import IN_IT, WAITING, WAITS, ChangingFootprint, ClosedPoints, faces
+from patrol.changing.ground import IN_IT, WAITING, WAITS, ChangingFootprint, ClosedPoints, faces
+from patrol.closures.spec import closable_parts
 from patrol.exchange import MOST_BLOCKED
-from patrol.faults.kinds import Close, OnClosure
+from patrol.faults.kinds import Close, OnGround
 from patrol.journal import Event
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
@@ -28,8 +29,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from patrol.closures.spec import ClosureSpec
     from patrol.ground.terrain import Terrain
-    from patrol.scenario import ClosureSpec, Scenario
+    from patrol.scenario import Scenario
     from worldsim.faults import Timeline
     from worldsim.robots.bodies import Body
 
@@ -46,7 +48,7 @@ class Closures:
         self._specs = scenario.closures
         self._terrain = terrain
         self._seed, self._step = scenario.seed, scenario.step
-        self._closed = ClosedPoints(scenario.closures, terrain)
+        self._closed = ClosedPoints(closable_parts(scenario.closures, terrain), terrain)
         self._drawn = [False] * len(scenario.closures)
 
     @property
@@ -97,8 +99,8 @@ class Closures:
 
     def _held(self, k: int) -> dict[str, bool]:
         """Return whether each closure that a fault decides on in a tick is to be closed, by name."""
-        faults = [(entry.begin, entry.fault) for entry in self.timeline.at(k) if isinstance(entry.fault, OnClosure)]
-        return {fault.closure: isinstance(fault, Close) for _, fault in sorted(faults, key=itemgetter(0))}
+        faults = [(entry.begin, entry.fault) for entry in self.timeline.at(k) if isinstance(entry.fault, OnGround)]
+        return {fault.part: isinstance(fault, Close) for _, fault in sorted(faults, key=itemgetter(0))}
 
     def _closes_by_itself(self, number: int, spec: ClosureSpec, k: int) -> bool:
         """Return True if a closure is to be closed in a tick by its times or draws; call it once for each tick."""
@@ -107,7 +109,7 @@ class Closures:
         if spec.closes is None or spec.opens is None:
             return False
         rate = spec.opens if self._drawn[number] else spec.closes
-        if draw(self._seed, Purpose.CLOSURE, number, k) < -math.expm1(-rate * self._step):
+        if draw(self._seed, Purpose.GROUND, number, k) < -math.expm1(-rate * self._step):
             self._drawn[number] = not self._drawn[number]
         return self._drawn[number]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.closures.open_ground import OpenAges
+from patrol.changing.open_ground import OpenAges
 from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
 from patrol.summary.model import ZoneFigures
 from patrol.zones.ground import points_of
@@ -36,7 +36,7 @@ class ZoneFacts:
 
 @dataclass(frozen=True, eq=False)
 class OpenFacts:
-    """The ages of ground while it was open to view, in a run with closures."""
+    """The ages of ground while it was open to view, in a run in which some closes."""
 
     figures: dict[str, Any]  # entries of the summary
     ages_s: Ages  # greatest open age in each tick
@@ -155,8 +155,8 @@ class AgesOpen(JournalReading):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Return True if the scenario has closures."""
-        return bool(run.prepared.scenario.closures)
+        """Return True if parts of the ground close."""
+        return run.prepared.scenario.changes_ground
 
     def tick(self, record: TickRecord) -> None:
         """Look at the fog after the tick's observations."""

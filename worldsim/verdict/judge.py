@@ -10,6 +10,7 @@ from runtime.process.failures import UNKNOWN
 from worldsim.checks.arrivals import DelaysAsAsked, LossesAsAsked, OnTime
 from worldsim.checks.bodies import BatteriesLast, BodiesApart, BumpsRare, MovesAreTrue
 from worldsim.checks.check import Check, CheckResult, JudgedRun, RobotsThere
+from worldsim.checks.closures import ClosuresKept
 from worldsim.checks.disturbed import MotionAsAsked, SensesAsAsked
 from worldsim.checks.fates import DropsExplained, NothingCrossed, WithinBandwidth
 from worldsim.checks.ground import FogIsTrue
@@ -27,7 +28,7 @@ from worldsim.checks.progress import ProgressCheck, Recovers, RunProgress
 from worldsim.checks.reach import PathLossAsAsked, WithinReach
 from worldsim.checks.sent import FramesAreTrue, SpoofsAsAsked, WithinBudget
 from worldsim.checks.statuses import DownAreSilent, EventsFollow, NobodyLost, StatusesFollow
-from worldsim.checks.zones import ClosuresKept, KeepOutsKept, SlowZonesKept, ZoneTimesTold
+from worldsim.checks.zones import KeepOutsKept, SlowZonesKept, ZoneTimesTold
 from worldsim.faults import Timeline
 from worldsim.verdict.ages import AgesOpen, OpenFacts, ZoneAges, ZoneFacts
 from worldsim.verdict.figures import Figures, Found, compare

@@ -7,7 +7,7 @@ import pytest
 
 from agent.belief.blocked import Blocked
 from agent.belief.posts import Posts
-from patrol.closures.ground import ChangingFootprint
+from patrol.changing.ground import ChangingFootprint
 from patrol.exchange import MOST_BLOCKED, Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.sensors import footprint_of

@@ -9,8 +9,8 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.routes.slow_ways import SlowWays
 from patrol.ground.terrain import Terrain
-from patrol.scenario import ZoneSpec
 from patrol.zones.ground import SpeedLimits
+from patrol.zones.spec import ZoneSpec
 
 WARD = ZoneSpec(name="ward", polygon=((10, 0), (14, 0), (14, 10), (10, 10)), speed=0.2)
 BED = ZoneSpec(name="bed", polygon=((10, 0), (12, 0), (12, 10), (10, 10)), speed=0.1)

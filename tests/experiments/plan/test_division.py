@@ -46,7 +46,7 @@ def prepared_on(free: BoolGrid, range_m: float, starts: list[Pose]) -> Prepared:
     given = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": body, "sensor": {"range": range_m}}
     fields = compute_fields(terrain, 0.3, range_m, True, starts)
     numbers = range(1, len(starts) + 1)
-    return Prepared(load_scenario(given), terrain, tuple(starts), dict.fromkeys(numbers, fields))
+    return Prepared(load_scenario(given), terrain, tuple(starts), dict.fromkeys(numbers, fields), {})
 
 
 def divided(prepared: Prepared) -> tuple[Territory, ...]:

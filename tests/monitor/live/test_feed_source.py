@@ -89,7 +89,7 @@ class FakeFeed(FeedClient):
         ticks = [record for record in before if isinstance(record, TickRecord)]
         events = tuple(pack(record) for record in before if isinstance(record, Event))
         blank = np.full(prepared.terrain.passable.shape, NEVER, dtype=np.int32)
-        batteries = Batteries(prepared.scenario)
+        batteries = Batteries(prepared.scenario.roster, prepared.scenario.docks, prepared.scenario.step)
         for tick in ticks:
             batteries.tick(tick.robots)
         return SoFar(

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from patrol.closures.ground import ChangingFootprint, ChangingTerrain, faces
+from patrol.changing.ground import ChangingFootprint, ChangingTerrain, faces
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patrol.closures.ground import ChangingTerrain, ClosedPoints, Closings
-from patrol.closures.open_ground import OpenAges, OpenGround
+from patrol.changing.ground import ChangingTerrain, ClosedPoints
+from patrol.changing.open_ground import OpenAges, OpenGround
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event
 from patrol.prepare import Prepared, prepare, sensor_footprint
@@ -24,8 +24,14 @@ def halves() -> Prepared:
     return prepare(load_scenario(given))
 
 
+def open_ground_of(prepared: Prepared) -> OpenGround:
+    ground = prepared.open_ground()
+    assert ground is not None
+    return ground
+
+
 def closed(prepared: Prepared) -> Terrain:
-    points = ClosedPoints(prepared.scenario.closures, prepared.terrain)
+    points = ClosedPoints(prepared.closable, prepared.terrain)
     points.take(Event(0, "closed", None, "wall"))
     ground = ChangingTerrain(prepared.terrain)
     ground.close(points.grid)
@@ -33,7 +39,7 @@ def closed(prepared: Prepared) -> Terrain:
 
 
 def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
-    ground = OpenGround(halves)
+    ground = open_ground_of(halves)
     ground.tick(0, halves.terrain, (), {1: WEST})
     assert not ground.closed_out.any()
     ground.tick(1, closed(halves), {"wall"}, {1: WEST})
@@ -53,7 +59,7 @@ def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
 
 
 def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
-    ground, seen = OpenGround(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
+    ground, seen = open_ground_of(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
     both = {1: WEST, 2: EAST}
     ground.tick(5, closed(halves), {"wall"}, both)
     now = ground.last_seen_or_out(1, 8, seen)
@@ -81,14 +87,14 @@ def test_ages_stand_still_while_a_point_is_closed_out() -> None:
 
 def test_closings_say_what_is_closed_and_waits_at_any_tick_and_show_it_to_a_sensor(halves: Prepared) -> None:
     events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
-    assert not Closings(halves.scenario.closures, halves.terrain, events[:1]).grid(0).any(), "closed at the end"
-    closings = Closings(halves.scenario.closures, halves.terrain, events)
+    assert not halves.closings(events[:1]).grid(0).any(), "closed at the end"
+    closings = halves.closings(events)
     assert [len(closings.names(k)) for k in (0, 3, 4, 8, 9, 20)] == [0, 0, 1, 1, 0, 0]
     assert closings.grid(8)[40, 50]
     assert not closings.grid(9).any()
     assert not closings.grid(0).any()
     waits = Event(3, "waiting", 1, "wall waits to close: r1 in it")
-    closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
+    closings = halves.closings([waits, Event(6, "closed", None, "wall")])
     more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]
     closings.take(more)
     assert [len(closings.at(k)[1]) for k in (2, 3, 5, 6, 8, 9, 12)] == [0, 1, 1, 0, 0, 1, 0]
@@ -107,7 +113,7 @@ def test_a_robot_that_can_see_half_of_the_ground_is_not_shut_in(
     patrolled[10:59, 20] = patrolled[10:60, 80] = True
     patrolled[60, 80 if behind == 51 else 20] = True
     fields = {number: replace(of_body, patrolled=patrolled) for number, of_body in halves.fields.items()}
-    ground = OpenGround(replace(halves, fields=fields))
+    ground = open_ground_of(replace(halves, fields=fields))
     ground.tick(0, closed(halves), {"wall"}, {1: WEST})
     assert ground.shut_in() == shut_in
 

@@ -46,7 +46,7 @@ def prepared(
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
     of_radius = {radius: [start for start, own in zip(starts, radii, strict=True) if own == radius] for radius in radii}
     fields = {radius: compute_fields(terrain, radius, 3.0, True, own) for radius, own in of_radius.items()}
-    return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)})
+    return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)}, {})
 
 
 def metres(length_m: float | None) -> float:

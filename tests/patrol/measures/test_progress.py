@@ -31,7 +31,7 @@ def prepared(terrain: Terrain, *starts: Pose) -> Prepared:
     robots = {"count": len(starts), "model": "holonomic", "radius": 0.3, "speed": 1.0, "spare": 0}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "robots": robots})
     fields = compute_fields(terrain, 0.3, 10.0, True, starts)
-    return Prepared(scenario, terrain, starts, {spec.number: fields for spec in scenario.roster})
+    return Prepared(scenario, terrain, starts, {spec.number: fields for spec in scenario.roster}, {})
 
 
 def tick(k: int, *places: Place, status: Status = Status.ALIVE, state: str = "patrolling") -> TickRecord:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from patrol.ground.terrain import Terrain
-from patrol.scenario import ZoneSpec
 from patrol.zones.ground import SpeedLimits
+from patrol.zones.spec import ZoneSpec
 
 GROUND = Terrain("ground", np.ones((20, 20), dtype=np.bool_), 0.5)
 WARD = ZoneSpec(name="ward", polygon=((2, 2), (8, 2), (8, 8), (2, 8)), speed=0.3)

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from patrol.errors import BadInput
+from patrol.ground.marks import Moment
 from patrol.ground.terrain import Terrain
 from patrol.scenario import load_scenario
 from patrol.zones.spec import ZoneSpec, has_area, is_in_one_of, weighing_at, zones_in_force
 
 SQUARE = ((2.0, 2.0), (6.0, 2.0), (6.0, 5.0), (2.0, 5.0))
+
+
+def at(time_s: float) -> Moment:
+    return Moment(time_s, (), ())
 
 
 def zone(name: str = "vault", **rules: Any) -> ZoneSpec:
@@ -38,8 +43,8 @@ def test_a_span_includes_its_beginning_and_excludes_its_end(time_s: float, insid
 def test_a_weight_holds_from_its_time_on(time_s: float, weight: float) -> None:
     vault = zone(weight=10.0, weights=((7.0, 3.0), (9.0, 0.5)))
     assert vault.weight_at(time_s) == weight
-    assert vault.label_at(time_s) == vault.look(time_s).text == f"vault x{weight:g}"
-    assert vault.look(time_s).weight == weight
+    assert vault.label_at(time_s) == vault.look(at(time_s)).text == f"vault x{weight:g}"
+    assert vault.look(at(time_s)).weight == weight
     assert weighing_at([vault], time_s) == frozenset({("vault", weight)})
 
 
@@ -54,7 +59,7 @@ def test_zones_in_force_and_those_that_weigh_are_told_apart() -> None:
     assert zones_in_force(zones, 5.0) == {"old", "slow", "late"}
     assert weighing_at(zones, 4.0) == {("early", 2.0), ("old", None)}
     assert weighing_at(zones, 5.0) == {("old", None), ("late", 4.0)}
-    assert [one.look(5.0).holds for one in zones] == [False, True, True, True]
+    assert [one.look(at(5.0)).holds for one in zones] == [False, True, True, True]
 
 
 @pytest.mark.parametrize(

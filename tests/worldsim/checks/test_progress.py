@@ -14,7 +14,7 @@ from patrol.ground.terrain import Terrain
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import RobotTick
 from patrol.pose import Pose
-from patrol.prepare import Prepared, sensor_footprint
+from patrol.prepare import Prepared, closable_ground, sensor_footprint
 from patrol.scenario import load_scenario
 from tests.worldsim.checks.judged import result_of
 from worldsim.checks.check import CheckResult
@@ -43,7 +43,7 @@ def rooms(angle: float = 360.0) -> Prepared:
     scenario = load_scenario({**facts, "robots": robots})
     terrain = Terrain("rooms", free, 0.5)
     fields = compute_fields(terrain, 0.3, 3.0, True, starts)
-    return Prepared(scenario, terrain, starts, {1: fields, 2: fields})
+    return Prepared(scenario, terrain, starts, {1: fields, 2: fields}, closable_ground(scenario, terrain))
 
 
 def made(prepared: Prepared, ticks: int, *paths: Path, **row: Any) -> MemoryJournal:

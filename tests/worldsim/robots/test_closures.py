@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from patrol.closures.ground import ChangingFootprint
+from patrol.changing.ground import ChangingFootprint
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event
 from patrol.pose import Velocity

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patrol.closures.ground import ChangingTerrain, ClosedPoints
-from patrol.closures.open_ground import OpenGround
+from patrol.changing.ground import ChangingTerrain, ClosedPoints
 from patrol.journal import Event, Status
 from patrol.journal.records import CLOSED
 from patrol.measures.zoned import best_weighted_s
@@ -95,8 +94,9 @@ def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> 
     assert summary.mfow_open_mean_s == pytest.approx(ages_s.sum() / 40)
     assert summary.mfow_open_late_mean_s == pytest.approx(ages_s[20:].sum() / 20)
     assert summary.mfow_open_max_s == max(ages_s)
-    ground, shut = OpenGround(world.prepared), ChangingTerrain(world.terrain)
-    points = ClosedPoints(world.scenario.closures, world.terrain)
+    ground, shut = world.prepared.open_ground(), ChangingTerrain(world.terrain)
+    assert ground is not None
+    points = ClosedPoints(world.prepared.closable, world.terrain)
     points.take(Event(8, CLOSED, None, "room"))
     shut.close(points.grid)
     ground.tick(8, shut, {"room"}, {1: (journal.records[8].robots[0].x, journal.records[8].robots[0].y)})

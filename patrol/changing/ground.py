@@ -14,23 +14,26 @@ ends at the same points. So both use the code here.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.closures.spec import ClosureSpec, closure_points
 from patrol.ground.footprint import Footprint, View
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable
 
     from patrol.journal.records import Event
+
+
+Parts = Mapping[str, NDArray[np.int64]]
+"""The points of a terrain that close and open together, by the part's name, as ascending flat indices."""
 
 
 class ChangingTerrain(Terrain):
@@ -102,43 +105,43 @@ def faces(view: View, closed: BoolGrid) -> NDArray[np.int64]:
 
 
 WAITING, WAITS, IN_IT = "waiting", " waits to close: ", " in it"
-"""The kind of the event of a closure that waits until bodies are clear of it, and what stands before and after the
-robots that are in the way."""
+"""The kind of the event of a part that waits until bodies are clear of it, and what stands before and after the robots
+that are in the way."""
 
 
-def closure_of(event: Event) -> str:
-    """Return the name of the closure that an event is about; empty for any other event."""
+def part_of(event: Event) -> str:
+    """Return the name of the part of the ground that an event closes or opens; empty for any other event."""
     if event.kind in (CLOSED, OPENED, STAYS_OPEN):
         return event.detail
     name, waits, _ = event.detail.partition(WAITS)
     return name if waits and event.kind == WAITING else ""
 
 
-def with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
-    """Return the ground with some closures closed."""
+def with_closed(terrain: Terrain, parts: Iterable[NDArray[np.int64]]) -> Terrain:
+    """Return the ground with some parts closed, given by their points."""
     passable = terrain.passable.copy()
-    for closure in closures:
-        passable.reshape(-1)[closure_points(closure, terrain)] = False
+    for points in parts:
+        passable.reshape(-1)[points] = False
     return Terrain(terrain.name, passable, terrain.point, terrain.origin)
 
 
 class ClosedPoints:
     """The points that are closed, event by event.
 
-    `grid`, bool (height, width), is True on points that are closed now, and `points` has the flat indices of each
-    closure by name. `names` are the closures that are closed, `waiting` those that wait until bodies are clear of them.
+    `grid`, bool (height, width), is True on points that are closed now. `names` are the parts that are closed,
+    `waiting` those that wait until bodies are clear of them.
     """
 
-    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain) -> None:
+    def __init__(self, points: Parts, terrain: Terrain) -> None:
         """Begin with nothing closed."""
-        self.points = {closure.name: closure_points(closure, terrain) for closure in closures}
+        self.points = points
         self.names: set[str] = set()
         self.waiting: set[str] = set()
         self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
 
     def take(self, event: Event) -> bool:
-        """Take in an event of a closure; return False for an event about anything else."""
-        if (name := closure_of(event)) not in self.points:
+        """Take in an event of a part; return False for an event about anything else."""
+        if (name := part_of(event)) not in self.points:
             return False
         if event.kind == WAITING:
             self.waiting.add(name)
@@ -155,9 +158,9 @@ class ClosedPoints:
 class Closings:
     """The points that are closed at any tick of a run so far; `now` is the state after the last event."""
 
-    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event] = ()) -> None:
+    def __init__(self, points: Parts, terrain: Terrain, events: Iterable[Event] = ()) -> None:
         """Take in the events so far."""
-        self.now = ClosedPoints(closures, terrain)
+        self.now = ClosedPoints(points, terrain)
         self._states: list[tuple[int, frozenset[str], frozenset[str]]] = [(0, frozenset(), frozenset())]
         self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), self.now.grid
         self._shown: tuple[Footprint, frozenset[str]] | None = None
@@ -170,7 +173,7 @@ class Closings:
                 self._states.append((event.k, frozenset(self.now.names), frozenset(self.now.waiting)))
 
     def show(self, k: int, footprint: Footprint) -> None:
-        """Close on a sensor's ground the closures of a tick.
+        """Close on a sensor's ground the parts that are closed in a tick.
 
         Nothing else may close that ground.
         """
@@ -180,12 +183,12 @@ class Closings:
             self._shown = shown
 
     def at(self, k: int) -> tuple[frozenset[str], frozenset[str]]:
-        """Return the closures that are closed in a tick, and those that wait until bodies are clear of them."""
+        """Return the parts that are closed in a tick, and those that wait until bodies are clear of them."""
         _, closed, waiting = self._states[bisect_right(self._states, k, key=itemgetter(0)) - 1]
         return closed, waiting
 
     def names(self, k: int) -> frozenset[str]:
-        """Return the closures that are closed in a tick."""
+        """Return the parts that are closed in a tick."""
         return self.at(k)[0]
 
     def grid(self, k: int) -> BoolGrid:
@@ -196,8 +199,8 @@ class Closings:
         return self._grid[1]
 
 
-def _mark_points(points: Mapping[str, NDArray[np.int64]], names: Iterable[str], shape: tuple[int, ...]) -> BoolGrid:
-    """Return a grid of the points of some closures."""
+def _mark_points(points: Parts, names: Iterable[str], shape: tuple[int, ...]) -> BoolGrid:
+    """Return a grid of the points of some parts."""
     grid = np.zeros(shape, dtype=np.bool_)
     for name in names:
         grid.reshape(-1)[points[name]] = True

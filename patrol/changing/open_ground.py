@@ -10,7 +10,6 @@ The *open age* of a point counts the ticks since it was last seen in which it wa
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,6 @@ from numpy.typing import NDArray
 from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.fields import anchor, proxies_of
 from patrol.ground.terrain import BoolGrid, Terrain
-
-if TYPE_CHECKING:
-    from patrol.prepare import Prepared
 
 Place = tuple[float, float]
 """x and y in m."""
@@ -36,16 +32,19 @@ class OpenGround:
     other ticks.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
-        """Begin with nothing closed."""
-        self._prepared = prepared
-        self.closed_out: BoolGrid = np.zeros(prepared.terrain.shape, dtype=np.bool_)
+    def __init__(
+        self, terrain: Terrain, patrolled: BoolGrid, radii: Mapping[int, float], range_m: float, line_of_sight: bool
+    ) -> None:
+        """Begin with nothing closed; `radii` are the robots' by number, m, and the last two those of their sensor."""
+        self._terrain, self._patrolled, self._radii = terrain, patrolled, radii
+        self._sensor = range_m, line_of_sight
+        self.closed_out: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
         self._known: tuple[frozenset[str], frozenset[int]] | None = None
         self._out: dict[int, BoolGrid] = {}
         self._last_out: dict[int, NDArray[np.int32]] = {}
 
     def tick(self, k: int, terrain: Terrain, closed: Collection[str], places: Mapping[int, Place]) -> None:
-        """Take in a tick: the ground as it is now, the names of closed closures, and the driven robots' places."""
+        """Take in a tick: the ground as it is now, the names of closed parts, and the driven robots' places."""
         now = frozenset(closed), frozenset(places)
         if now == self._known:
             return
@@ -57,9 +56,8 @@ class OpenGround:
         if not closed:
             self.closed_out = np.zeros(terrain.shape, dtype=np.bool_)
             return
-        patrolled = self._prepared.patrolled
-        would, visible = self._visible_ground(self._prepared.terrain, places), self._visible_ground(terrain, places)
-        self._out = {number: patrolled & would[number] & ~visible[number] for number in places}
+        would, visible = self._visible_ground(self._terrain, places), self._visible_ground(terrain, places)
+        self._out = {number: self._patrolled & would[number] & ~visible[number] for number in places}
         nobody = np.zeros(terrain.shape, dtype=np.bool_)
         self.closed_out = np.logical_or.reduce([nobody, *self._out.values()])
         self.closed_out &= ~np.logical_or.reduce([nobody, *visible.values()])
@@ -75,17 +73,16 @@ class OpenGround:
 
     def shut_in(self) -> list[int]:
         """Return the numbers of the robots that can get to see less than half of the patrolled ground, ascending."""
-        half = 0.5 * np.count_nonzero(self._prepared.patrolled)
+        half = 0.5 * np.count_nonzero(self._patrolled)
         return sorted(number for number, out in self._out.items() if np.count_nonzero(out) > half)
 
     def _visible_ground(self, terrain: Terrain, places: Mapping[int, Place]) -> dict[int, BoolGrid]:
         """Return the points that each robot can get to and see, by number."""
-        scenario = self._prepared.scenario
         labels: dict[float, tuple[BoolGrid, NDArray[np.int32]]] = {}
         parts: dict[tuple[float, int], BoolGrid] = {}
         visible = {}
         for number, spot in places.items():
-            radius = scenario.roster[number - 1].radius
+            radius = self._radii[number]
             if radius not in labels:
                 cspace = cspace_of(terrain, radius)
                 labels[radius] = cspace, parts_of(cspace)[0]
@@ -94,7 +91,7 @@ class OpenGround:
             part = 0 if joined is None else int(labelled[joined])
             if (radius, part) not in parts:
                 reach = (labelled == part) & cspace
-                proxy = proxies_of(terrain, reach, scenario.sensor.range, scenario.sensor.line_of_sight)
+                proxy = proxies_of(terrain, reach, *self._sensor)
                 parts[radius, part] = reach | (proxy >= 0)
             visible[number] = parts[radius, part]
         return visible
