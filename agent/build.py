@@ -125,8 +125,7 @@ def shared_by(
 
 def known_to_robots(prepared: Prepared) -> Prepared:
     """Leave out what robots do not know: faults, intruders, and which ground closes."""
-    unknown = {"faults": (), "nemesis": None, "intruders": (), "closures": ()}
-    return replace(prepared, scenario=prepared.scenario.model_copy(update=unknown), closable={})
+    return replace(prepared, scenario=prepared.scenario.known_to_robots(), closable={})
 
 
 def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:

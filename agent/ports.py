@@ -189,7 +189,7 @@ class GroundSetup:
         posts: Where to stand to see points that no body can reach.
         sight: The sensor on the terrain: the points seen from a pose, and how far it sees.
         prepared: The ground of the whole fleet, from which rounds, regions and zoned ground are made. Its scenario is
-            without sections that no robot knows: faults, intruders and closures.
+            without sections that no robot knows: faults, intruders and ground that closes.
         scratch: Working memory by name, shared by policies of one process that never think at the same time.
     """
 

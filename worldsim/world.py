@@ -68,7 +68,7 @@ class World:
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.batteries = Batteries(scenario.roster, scenario.docks, scenario.step)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
-        self.closures = Closures(scenario, self.timeline, self.terrain)
+        self.closing = Closures(scenario, self.timeline, self.terrain)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)
@@ -98,7 +98,7 @@ class World:
             if (zone.name in in_force) != (zone.name in self._zones):
                 yield Event(self.tick, IN_FORCE if zone.name in in_force else OUT_OF_FORCE, None, zone.name)
         if isinstance(self.truth.footprint, ChangingFootprint):
-            yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
+            yield from self.closing.tick(self.tick, self.bodies, self.truth.footprint)
 
     def begin_tick(self) -> dict[int, Sensed]:
         """Begin a tick; return each living robot's senses, by number, for phase A."""
@@ -127,7 +127,7 @@ class World:
     def _blocked_points(self, body: Body) -> tuple[int, ...]:
         """Return the points that a robot sees closed."""
         footprint = self.truth.footprint
-        return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
+        return self.closing.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
 
     def _zones_switched(self) -> tuple[tuple[int, ...] | None, tuple[tuple[int, float], ...]]:
         """Return what robots learn of the zones where that is not as they know it: `Sensed.zones`, `Sensed.weights`."""
@@ -211,7 +211,7 @@ class World:
             raise BadInput(f"control: {names} cannot join: only who is not there yet, or has left, can")
         intruders = Intruders(scenario, self.truth.footprint)
         self.ether.follow(timeline)
-        self.senses.timeline = self.noise.timeline = self.closures.timeline = timeline
+        self.senses.timeline = self.noise.timeline = self.closing.timeline = timeline
         self.scenario, self.timeline = scenario, timeline
         self._intruders = intruders
         self._is_switched = scenario.zones != self.prepared.scenario.zones

@@ -29,9 +29,6 @@ SIMULATED_S = 1.0
 WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
-OF_CLOSURES = ("close", "open")
-"""Kinds of faults of closures that are words of their own on the command line."""
-
 OF_ROBOTS = ("stop", "release")
 """What robots do that no world simulates."""
 
@@ -180,12 +177,14 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
 
     It is as `patrol.scenario.controls.read_control` takes it. `do` is a word such as ``step``.
     """
+    from patrol.faults.kinds import kinds_acting_on
     from patrol.files.yaml_text import parse_yaml
     from patrol.scenario.controls import CONTROLS, EXAMPLES
 
-    if do not in (choices := (*CONTROLS, *OF_CLOSURES)):
+    of_ground = kinds_acting_on("ground")  # words of their own on the command line
+    if do not in (choices := (*CONTROLS, *of_ground)):
         raise BadInput(f"control: {quoted(do)}: {did_you_mean(do, (*choices, *OF_ROBOTS))}")
-    if do in OF_CLOSURES:
+    if do in of_ground:
         if value is None:
             raise BadInput(f"control {do}: give the name of a closure too, such as door")
         return {"do": "fault", "fault": {"kind": do, "closure": value}}

@@ -105,6 +105,10 @@ class Scenario(Section):
             copied.__dict__.pop(derived, None)
         return copied
 
+    def known_to_robots(self) -> Self:
+        """Leave out the sections that robots do not know."""
+        return self.model_copy(update={"faults": (), "nemesis": None, "intruders": (), "closures": ()})
+
     @property
     def changes_ground(self) -> bool:
         """True if parts of the ground close and open."""

@@ -64,7 +64,7 @@ def test_a_robot_that_bumped_feels_what_is_a_step_and_a_point_away(lab: Lab) -> 
         body.bumped = True
         footprint = world.truth.footprint
         assert isinstance(footprint, ChangingFootprint)
-        shown = world.closures.blocked(body, footprint)
+        shown = world.closing.blocked(body, footprint)
         felt[x] = {divmod(index, world.terrain.width) for index in shown}
     rows = {row for row, col in felt[7.0] if col == 17}
     assert rows == {14}
@@ -132,7 +132,7 @@ def test_rates_close_and_open_as_often_as_they_say(lab: Lab) -> None:
     for k in range(4000):
         world.tick = k
         list(world.close_and_open())
-        closed += len(world.closures.closed)
+        closed += len(world.closing.closed)
     assert 0.28 < closed / 4000 < 0.39  # a third of the time
 
 
