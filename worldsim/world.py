@@ -84,6 +84,11 @@ class World:
         self._is_switched = False
 
     @property
+    def closed(self) -> frozenset[str]:
+        """Names of the parts of the ground that are closed."""
+        return self.closing.closed
+
+    @property
     def living(self) -> list[int]:
         """Numbers of the robots that take part in this tick, ascending."""
         return [number for number, body in self.bodies.items() if body.alive]
