@@ -17,7 +17,7 @@ from patrol.ground.shapes import cover
 from patrol.pose import Pose
 from patrol.radio.message import as_received
 from patrol.scenario.sections import VERTICES
-from patrol.zones.ground import points_of
+from patrol.zones.spec import points_of
 
 if TYPE_CHECKING:
     from patrol.graph import Graph

@@ -20,7 +20,7 @@ from patrol.radio.message import as_received
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
 from patrol.scenario.policies import StochasticPatrol
 from patrol.scenario.sections import BUILT_IN_SENSORS
-from patrol.zones.ground import points_of
+from patrol.zones.spec import points_of
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport

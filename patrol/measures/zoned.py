@@ -22,8 +22,7 @@ from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT
 from patrol.ground.ways import lengths_along
 from patrol.measures.best_tour import best_tour, own_grounds, round_over, tour_over
 from patrol.zones.division import MOST_CLASSES, Classes, ZonedGround
-from patrol.zones.ground import points_of
-from patrol.zones.spec import Weighing, weighing_at
+from patrol.zones.spec import Weighing, points_of, weighing_at
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.faults.roster import tick_of
 from patrol.values import wrong
-from patrol.zones.ground import points_of
-from patrol.zones.spec import check_names, check_ticks
+from patrol.zones.spec import check_names, check_ticks, points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -10,26 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
-from patrol.ground.shapes import cover, touched_points
-from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.terrain import Terrain
+from patrol.zones.spec import points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from patrol.zones.spec import ZoneSpec
-
-
-def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
-    """Return the points that share some area with a zone.
-
-    A zone's mask may have another resolution and another origin than the terrain.
-    """
-    if zone.polygon is not None:
-        return cover(zone.polygon, terrain.shape, terrain.point, terrain.origin)
-    mask = zone.mask
-    assert mask is not None
-    start = terrain.origin[0] - mask.origin[0], terrain.origin[1] - mask.origin[1]
-    return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
 
 
 def with_zones(terrain: Terrain, zones: Iterable[ZoneSpec]) -> Terrain:

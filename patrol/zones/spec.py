@@ -30,6 +30,7 @@ from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.marks import Look, Mark, Moment, mark_ground
+from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.maps.map_file import read_map_file
 from patrol.values import (
@@ -45,7 +46,6 @@ from patrol.values import (
     expecting,
     wrong,
 )
-from patrol.zones.ground import points_of
 
 MOST_CELLS = 25_000_000
 """Cells of the largest mask."""
@@ -345,3 +345,16 @@ Zones = Annotated[
     at_most(MOST_ZONES, "zones"),
     listed_in_file("zones", "{name: vault, polygon: ..., weight: 10}"),
 ]
+
+
+def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
+    """Return the points that share some area with a zone.
+
+    A zone's mask may have another resolution and another origin than the terrain.
+    """
+    if zone.polygon is not None:
+        return cover(zone.polygon, terrain.shape, terrain.point, terrain.origin)
+    mask = zone.mask
+    assert mask is not None
+    start = terrain.origin[0] - mask.origin[0], terrain.origin[1] - mask.origin[1]
+    return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from patrol.changing.open_ground import OpenAges
 from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
 from patrol.summary.model import ZoneFigures
-from patrol.zones.ground import points_of
-from patrol.zones.spec import ELSEWHERE, Weighing, weighing_at, zones_in_force
+from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
 from worldsim.checks.ground import GroundOpen, TrueFog
 

@@ -9,8 +9,8 @@ import pytest
 from patrol.errors import BadInput
 from patrol.ground.marks import middle, outline
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.zones.ground import points_of, with_zones
-from patrol.zones.spec import MaskSpec, ZoneSpec
+from patrol.zones.ground import with_zones
+from patrol.zones.spec import MaskSpec, ZoneSpec, points_of
 
 Corners = tuple[tuple[float, float], ...]
 ROOM = Terrain("room", np.ones((6, 8), dtype=np.bool_), 0.5, (1.0, 2.0))
