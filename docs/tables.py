@@ -28,6 +28,9 @@ MODELS: Mapping[str, type[BaseModel]] = {
 }
 
 
+ARROWS = {"": "", "lower": " ↓", "higher": " ↑"}
+"""Marks of what is better, which the page explains once."""
+
 SHARED = TABLES["ticks"].columns[:2]
 """Columns that most tables begin with, which the page explains once."""
 
@@ -35,7 +38,7 @@ SHARED = TABLES["ticks"].columns[:2]
 def table(model: type[BaseModel]) -> str:
     """Return the table of a model's metrics, as Markdown."""
     rows = [
-        f"| `{key}` | {metric.meaning}{f'; {metric.better} is better' if metric.better else ''} |\n"
+        f"| `{key}` | {metric.meaning}{ARROWS[metric.better]} |\n"
         for key, metric in metrics_of(model)
     ]
     return "".join(("| field | is |\n", "|---|---|\n", *rows))
