@@ -37,10 +37,7 @@ SHARED = TABLES["ticks"].columns[:2]
 
 def table(model: type[BaseModel]) -> str:
     """Return the table of a model's metrics, as Markdown."""
-    rows = [
-        f"| `{key}` | {metric.meaning}{ARROWS[metric.better]} |\n"
-        for key, metric in metrics_of(model)
-    ]
+    rows = [f"| `{key}` | {metric.meaning}{ARROWS[metric.better]} |\n" for key, metric in metrics_of(model)]
     return "".join(("| field | is |\n", "|---|---|\n", *rows))
 
 
