@@ -353,8 +353,8 @@ class Summary(_Part):
     bound_s: Annotated[
         float,
         Metric(
-            "[what MFoW can be compared with](progress.md#what-can-the-mfow-be-compared-with): a lower bound; 0 where it "
-            "says nothing",
+            "[what MFoW can be compared with](progress.md#what-can-the-mfow-be-compared-with): a lower bound; 0 where "
+            "it says nothing",
             sweep="once",
         ),
     ] = 0.0
