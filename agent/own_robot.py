@@ -375,9 +375,8 @@ class WatchedRadio:
 
     A robot that meets no other for a while begins to count by itself, so robots of a fleet may begin at different
     moments. All then count as the one that began first, since ticks never go back. A member can lie, and tell each
-    robot another count. So a robot follows each other one at most once in `FOLLOW_AGAIN_S`. That bounds how often one
-    member moves a count. After it has fallen silent, robots that hear each other end at their latest count within that
-    time, because by then each may follow the robot that has it.
+    robot another count, so a robot follows each other one at most once in `FOLLOW_AGAIN_S`. Once the liar is silent,
+    robots that hear each other agree on the latest count within that time.
     """
 
     def __init__(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,20 +28,27 @@ MODELS: Mapping[str, type[BaseModel]] = {
 }
 
 
+ARROWS = {"": "", "lower": " ↓", "higher": " ↑"}
+"""Marks of what is better, which the page explains once."""
+
+SHARED = TABLES["ticks"].columns[:2]
+"""Columns that most tables begin with, which the page explains once."""
+
+
 def table(model: type[BaseModel]) -> str:
     """Return the table of a model's metrics, as Markdown."""
-    rows = [
-        f"| `{key}` | {metric.meaning}{f'; {metric.better} is better' if metric.better else ''} |\n"
-        for key, metric in metrics_of(model)
-    ]
+    rows = [f"| `{key}` | {metric.meaning}{ARROWS[metric.better]} |\n" for key, metric in metrics_of(model)]
     return "".join(("| field | is |\n", "|---|---|\n", *rows))
 
 
 def columns_table(declared: TableColumns) -> str:
     """Return the table of a table's columns, as Markdown."""
-    kinds = {"integer": "integer", "number": "number", "text": "text", "flag": "true or false"}
-    rows = [f"| `{column.name}` | {kinds[column.kind]} | {column.meaning} |\n" for column in declared.columns]
-    return "".join(("| column | type | is |\n", "|---|---|---|\n", *rows))
+    own = (column for column in declared.columns if column not in SHARED)
+    rows = [
+        f"| {', '.join(f'`{column.name}`' for column in alike)} | {meaning} |\n"
+        for meaning, alike in groupby(own, key=lambda column: column.meaning)
+    ]
+    return "".join(("| column | is |\n", "|---|---|\n", *rows))
 
 
 def with_tables(document: str) -> str:

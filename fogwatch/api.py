@@ -64,7 +64,7 @@ class RunOptions(RunChoices):
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
-        over: Called when the ticks are over. From then on KeyboardInterrupt ends the run's end.
+        over: Called when the ticks are over. From then on KeyboardInterrupt stops judging and writing files.
         judged: Called with the summary when the run has been judged, before files are made from its journal.
         show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """

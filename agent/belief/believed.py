@@ -181,8 +181,7 @@ class Belief:
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
         """Return the peers by number where they should be by now.
 
-        If `predictor` is None, that is where they were heard last. Where their frames took time, it is as far on as
-        they moved meanwhile.
+        Without `predictor` that is where they were heard last, moved on by the time that their frames took.
         """
         peers = self.peers
         if predictor is not None:

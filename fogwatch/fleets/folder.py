@@ -101,7 +101,7 @@ class FleetFolder(BaseModel):
 
     @property
     def mesh(self) -> Mesh | None:
-        """The fleet as its members know it that meet without a router; None where there is one."""
+        """The content of mesh.json, by which members meet without a router; None for a fleet with a router."""
         if not self.is_mesh:
             return None
         places = {user: address for user, address in self.places.items() if user in self.members}
@@ -377,7 +377,7 @@ def _made_whole(folder: Path) -> Iterator[Path]:
 def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
     """Check hosts, and return each of them once, addresses without brackets.
 
-    Refused is one by which other machines could not reach its machine. Errors name it by `called`.
+    A host by which other machines could not reach its machine raises an error, which names the option `called`.
     """
     return [*dict.fromkeys(_check_host(host, called) for host in hosts)]
 

@@ -89,7 +89,7 @@ class Run:
     def trace_hash(self) -> str:
         """The hash of all that happened, SHA-256 in hex; equal for equal runs, in one process or as many.
 
-        Of a run without an end, that of the ticks so far.
+        A run that has not ended has the hash of its ticks so far.
         """
         return self._figures.trace_hash or self._replayed.trace
 

@@ -155,7 +155,7 @@ def answer_message(number: object, answer: Answer) -> str:
 def _map_marks(static: Static) -> list[dict[str, Any]]:
     """Return the scenario's marks on the map: kind, name, place, and the outline of ground in m.
 
-    Of ground that may be closed `runs` are its points, as [first, count] of each run; [] of any other.
+    For ground that may be closed, `runs` holds its points, as [first, count] of each run; for other marks it is [].
     """
     terrain, shown = static.terrain, []
     for mark in marks_of(static.scenario, terrain):

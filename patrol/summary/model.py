@@ -354,7 +354,7 @@ class Summary(_Part):
         float,
         Metric(
             "[what MFoW can be compared with](progress.md#what-can-the-mfow-be-compared-with): a lower bound; 0 where "
-            "discs of the sensor's range around all robots have a larger area than the ground",
+            "it says nothing",
             sweep="once",
         ),
     ] = 0.0
@@ -423,9 +423,9 @@ class Summary(_Part):
     left_out: Annotated[
         LeftOutFacts | None,
         Metric(
-            "free ground that no robot sees from where it gets, and that does not count: its area, its parts, how many "
-            "of them are smaller than 1 m², and the place of the largest and why it is left out; null where there is "
-            "none. Parts below 1 m² count where together they have 1 m² or 1 % of the free ground"
+            "free ground that no robot sees from where it gets: its area, its parts, how many of them are smaller than "
+            "1 m², the place of the largest and why it is left out; null where there is none. Parts below 1 m² count "
+            "where together they have 1 m² or 1 % of the free ground"
         ),
     ] = None
     point_m: Annotated[float, Metric("side of a point")] = 0.0
@@ -452,8 +452,7 @@ class Summary(_Part):
         Deadlines | None,
         Metric(
             "as processes at a pace only: frames and commands that came too late, by robot; by how much the world fell "
-            "behind (`slipped_s`) and by how much deadlines moved because the machine woke it late (`held_up_s`), in "
-            "wall seconds"
+            "behind (`slipped_s`) and deadlines moved because the machine woke it late (`held_up_s`), wall seconds"
         ),
     ] = None
     verdict: Annotated[

@@ -26,7 +26,7 @@ _MOST_AT_ONCE = 0.25
 
 
 class Late(BaseException):
-    """The time is over. No `Exception`, so that code that catches all of these does not go on."""
+    """The time is over. It is no `Exception`, so a policy that catches every `Exception` does not catch it."""
 
 
 class deadline:  # noqa: N801 - a context manager

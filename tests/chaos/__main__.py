@@ -56,7 +56,7 @@ def main() -> int:
     broken, never = sum(line["broke"] is not None for line in seeds), missing(seeds)
     for name in never:
         print(f"never met: {name}")
-    print(f"{len(seeds)} seeds: {broken} broke, {len(never)} names never met; python -m tests.chaos.table {out}")
+    print(f"{len(seeds)} seeds: {broken} broke, {len(never)} names never met; python -m tests.chaos.table {out} .")
     return 1 if broken or never else 0
 
 

@@ -1,15 +1,15 @@
 """The tables of a hunt: what was met how often, and which check found which planted fault.
 
-python -m tests.chaos.table build/chaos                              # prints them
-python -m tests.chaos.table build/chaos docs/results/chaos.md        # puts them at the end of that page
+python -m tests.chaos.table build/chaos docs/results        # writes chaos-met.csv and chaos-planted.csv there
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
 from statistics import median
@@ -32,8 +32,6 @@ NO_TOUR = ("narrow view", "poor quality", "several bodies", "vertices")
 
 NO_PAIRS = frozenset({*((f"feature {what}", "feature zone: age") for what in NO_TOUR)})
 """Pairs that no scenario has: ages need a tour."""
-
-MARK = "<!-- made by python -m tests.chaos.table; do not edit below -->\n"
 
 
 def read_lines(file: Path) -> list[dict[str, Any]]:
@@ -59,42 +57,42 @@ def missing(seeds: Sequence[dict[str, Any]]) -> list[str]:
     return never
 
 
-def tables(seeds: Sequence[dict[str, Any]], planted: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Make the tables, line by line, as Markdown."""
-    if seeds:
-        yield from _coverage(seeds)
-    if planted:
-        yield from _finders(planted)
-
-
-def _coverage(seeds: Sequence[dict[str, Any]]) -> Iterator[str]:
+def write_met(seeds: Sequence[dict[str, Any]], file: Path) -> None:
+    """Write how many seeds have met each fault, feature, policy, body, terrain and state."""
     counts = Counter(name for seed in seeds for name in seed["met"])
+    names = [(name, *name.split(" ", 1)) for name in SINGLES]
+    rows = [(family.rstrip(":"), member, counts[name]) for name, family, member in names]
+    _write_csv(file, ("family", "name", "seeds"), rows)
+
+
+def write_finders(planted: Sequence[dict[str, Any]], file: Path) -> None:
+    """Write which checks find each planted fault, and with which seed.
+
+    ``seeds`` is the first seed that finds it, counted from 1; ``run`` are those of them that have what it is planted
+    into.
+    """
+    rows = [
+        (line["what"], line["kind"] or line["check"], ", ".join(line["checks"]), line["seed"], line["ran"])
+        for line in planted
+    ]
+    _write_csv(file, ("planted", "in", "found_by", "seeds", "run"), rows)
+
+
+def totals(seeds: Sequence[dict[str, Any]]) -> str:
+    """Return what a hunt did, in a sentence."""
     broke = [f"{seed['seed']} ({seed['broke']})" for seed in seeds if seed["broke"]]
-    numbers = sorted(seed["seed"] for seed in seeds)
     met, can = len(_pairs_met(seeds) & all_pairs()), len(all_pairs())
     processes = sum(seed["processes"] for seed in seeds)
     spent_s = [seed["cpu_s"] for seed in seeds]
-    yield "## What was met\n"
-    yield f"{len(seeds)} seeds, {numbers[0]} to {numbers[-1]}, {processes} of them as processes too, in the median"
-    yield f"{median(spent_s):.1f} s of processor time, at most {max(spent_s):.0f} s. Of {can} pairs of kinds of faults"
-    yield f"and features, {met} were met. Broke: {', '.join(broke) or 'none'}.\n"
-    for family in dict.fromkeys(name.split()[0] for name in SINGLES):
-        named = [name for name in SINGLES if name.split()[0] == family]
-        yield from (f"| {family.rstrip(':')} | seeds |", "|---|---|")
-        yield from (f"| {name.partition(' ')[2]} | {counts[name]} |" for name in named)
-        yield ""
+    return (
+        f"{len(seeds)} seeds, {processes} of them as processes too, in the median {median(spent_s):.1f} s of processor "
+        f"time, at most {max(spent_s):.0f} s; {met} of {can} pairs met; broke: {', '.join(broke) or 'none'}"
+    )
 
 
-def _finders(planted: Sequence[dict[str, Any]]) -> Iterator[str]:
-    found = sum(line["seed"] is not None for line in planted)
-    yield "## Which planted fault is found, by what, and when\n"
-    yield f"{found} of {len(planted)} are found. *Seeds* is the first seed that finds the fault, counted from 1;"
-    yield "*run* are those of them that have what it is planted into.\n"
-    yield "| planted | in | found by | seeds | run |"
-    yield "|---|---|---|---|---|"
-    for line in planted:
-        checks = ", ".join(line["checks"]) or "**nothing**"
-        yield f"| {line['what']} | {line['kind'] or line['check']} | {checks} | {line['seed']} | {line['ran']} |"
+def _write_csv(file: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    with file.open("w", encoding="utf-8", newline="") as out:
+        csv.writer(out, lineterminator="\n").writerows((head, *rows))
 
 
 def _pairs_met(seeds: Sequence[dict[str, Any]]) -> set[tuple[str, str]]:
@@ -102,14 +100,13 @@ def _pairs_met(seeds: Sequence[dict[str, Any]]) -> set[tuple[str, str]]:
 
 
 def main() -> int:
-    """Print the tables, or put them into a page."""
-    folder = Path(sys.argv[1])
-    made = "\n".join(tables(read_lines(folder / SEEDS), read_lines(folder / PLANTED)))
-    for page in map(Path, sys.argv[2:]):
-        before, mark, _ = page.read_text(encoding="utf-8").partition(MARK)
-        page.write_text(f"{before}{mark}\n{made}\n", encoding="utf-8")
-    if not sys.argv[2:]:
-        print(made)
+    """Write the tables of a hunt's folder into another folder, and print what the hunt did."""
+    hunt, out = map(Path, sys.argv[1:])
+    if seeds := read_lines(hunt / SEEDS):
+        write_met(seeds, out / "chaos-met.csv")
+        print(totals(seeds))
+    if planted := read_lines(hunt / PLANTED):
+        write_finders(planted, out / "chaos-planted.csv")
     return 0
 
 

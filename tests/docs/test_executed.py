@@ -160,13 +160,13 @@ def write_files(document: str) -> None:
     """Write the reader's own maps and network, the repository's examples, and what the page has its reader save."""
     tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     image, description = re.findall(r"^```(?:text|yaml)\n(.*?)^```$", tutorial, flags=re.MULTILINE | re.DOTALL)[:2]
-    Path("rooms.pgm").write_text(image, encoding="utf-8")
+    Path("rooms.pbm").write_text(image, encoding="utf-8")
     for name in ("rooms", "plan", "site"):
         Path(f"{name}.yaml").write_text(description, encoding="utf-8")
     Path("robot.yaml").write_text(description.replace("[0, 0, 0]", "[-5, -3, 0]"), encoding="utf-8")
     for name, picture in (("site-map", hall((range(0), range(0)))), ("keepout", hall((range(38, 41), range(14, 17))))):
         Path(f"{name}.pgm").write_text(picture, encoding="utf-8")
-        Path(f"{name}.yaml").write_text(description.replace("rooms", name), encoding="utf-8")
+        Path(f"{name}.yaml").write_text(description.replace("rooms.pbm", f"{name}.pgm"), encoding="utf-8")
     Path("plan.graph").write_text(GRAPH, encoding="utf-8")
     Path("patrol.yaml").write_text("terrain: {map: plan.yaml}\nrobots: {model: holonomic, radius: 0.3}\n")
     Layers([np.zeros((40, 2))], [np.zeros(2)]).save("trained.npz")
