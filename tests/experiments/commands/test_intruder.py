@@ -18,7 +18,7 @@ from experiments.intruders.report_section import play_on
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 GRAPH = {"vertices": [[10, 10], [30, 10], [60, 60]], "edges": [[0, 1, 20], [1, 2, 60]]}
 SCENARIO = {

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from experiments.sweeps.page import print_page
 from monitor.tables.table import Table
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 TABLE = ("reproduce", "table")
 QUICK = ("--set", "point=1", "--set", "duration=20", "--workers", "1")

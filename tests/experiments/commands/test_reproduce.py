@@ -18,7 +18,7 @@ from typer.main import get_command
 from experiments.commands import reproduce as studies
 from experiments.commands.reproduce import site_figures
 from fogwatch.cli.app import app
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 DOCS = Path(__file__).parents[3] / "docs"
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")

@@ -30,7 +30,7 @@ from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
 from fogwatch.cli.ending import guarded
 from patrol.errors import BadInput
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
 BASE = {"terrain": {"builtin": "yards"}, "point": 1, "duration": 20, "robots": ROBOTS, "patrol": PATROL}

@@ -22,7 +22,7 @@ from runtime.process.lifeline import heed
 from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
-    from experiments.plan.plan import FleetPlan
+    from fogwatch.planning.plan import FleetPlan
     from patrol.scenario import Scenario
 
 NOT_KEPT = 1
@@ -95,9 +95,9 @@ def plan(
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
-    from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
-    from experiments.plan.folder import plan_folder, write_plan
-    from experiments.plan.plan import SEEDS, make_plan
+    from fogwatch.planning.answer import answer_lines  # here: these import kernels, which are compiled first
+    from fogwatch.planning.folder import plan_folder, write_plan
+    from fogwatch.planning.plan import SEEDS, make_plan
 
     folder = plan_folder(out, scenario.name)
     with naming(what, overridden):
@@ -118,8 +118,8 @@ def plan(
 
 def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
     """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
-    from experiments.plan.plan import planned_scenario  # here: these import kernels
     from fogwatch.grounds.scenario_notes import scenario_notes
+    from fogwatch.planning.plan import planned_scenario  # here: these import kernels
     from patrol.prepare import prepare
 
     planned = changed_scenario(planned_scenario(scenario), {"robots.count": most})
@@ -127,7 +127,7 @@ def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
 
 
 def _plan_table(plan: FleetPlan) -> Table:
-    from experiments.plan.answer import answer_table  # here: it imports kernels
+    from fogwatch.planning.answer import answer_table  # here: it imports kernels
 
     answer = answer_table(plan)
     table = Table(box=None, pad_edge=False, header_style="cyan")
