@@ -19,7 +19,7 @@ from experiments.benchmark.conditions import check_condition, faults_of, least_t
 from experiments.sweeps.cases import CaseRow
 from experiments.sweeps.figures import POLICY
 from experiments.sweeps.plan import Base, Case, Label, Plan, make_plan
-from fogwatch.planning.plan import robots_text
+from fogwatch.terminal.live_table import robots_text
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import BUILTINS, MAX_ROBOTS
 from patrol.scenario.step import PAPER_STEP

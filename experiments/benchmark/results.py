@@ -15,7 +15,7 @@ from experiments.sweeps.results import RunResult
 from experiments.sweeps.run_metrics import GAINED, game_metric, moving_metric
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import with_interval
-from fogwatch.planning.plan import robots_text
+from fogwatch.terminal.live_table import robots_text
 from monitor.tables.table import Table
 
 LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from fogwatch.planning.plan import AgeKept, FleetPlan, FleetSize, robots_text
+from fogwatch.planning.plan import AgeKept, FleetPlan, FleetSize
+from fogwatch.terminal.live_table import robots_text
 from monitor.tables.table import Table
 from patrol.measures.best_tour import NO_BOUND
 from patrol.scenario.assumptions import assumption_lines

@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fogwatch.pictures.maps import COLOURS
-from fogwatch.planning.plan import FleetPlan, FleetSize, plan_facts, robots_text
+from fogwatch.planning.plan import FleetPlan, FleetSize, plan_facts
 from fogwatch.run_folder.runfolder import RUNS, untaken
+from fogwatch.terminal.live_table import robots_text
 from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from monitor.figures.style import ALERT, INK, MUTED, drawn, figure, write_figure
 from patrol.classes.class_file import class_file

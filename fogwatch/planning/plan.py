@@ -23,6 +23,7 @@ import numpy as np
 from fogwatch.inprocess import run_in_process
 from fogwatch.own_classes import find_classes
 from fogwatch.planning.division import Divider, Territory
+from fogwatch.terminal.live_table import robots_text
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED
@@ -437,11 +438,6 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
         "one_dead": _kept_facts(size.one_dead, wanted_s),
         "other_patrol": _kept_facts(size.other_patrol, wanted_s),
     }
-
-
-def robots_text(count: int) -> str:
-    """Return a number of robots in words, such as "1 robot"."""
-    return f"{count} robot{'s' if count > 1 else ''}"
 
 
 def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] | None:
