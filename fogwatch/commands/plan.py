@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
+from fogwatch.cli.columns import drawn
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.run_options import Body, overrides_of, patrol_option, settings_option
@@ -22,7 +22,6 @@ from runtime.process.lifeline import heed
 from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
-    from fogwatch.planning.plan import FleetPlan
     from patrol.scenario import Scenario
 
 NOT_KEPT = 1
@@ -95,7 +94,10 @@ def plan(
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.planning.answer import answer_lines  # here: these import kernels, which are compiled first
+    from fogwatch.planning.answer import (  # here: these import kernels, which are compiled first
+        answer_lines,
+        answer_table,
+    )
     from fogwatch.planning.folder import plan_folder, write_plan
     from fogwatch.planning.plan import SEEDS, make_plan
 
@@ -109,7 +111,7 @@ def plan(
         shown.show("pictures", 0.0)
         write_plan(new_plan, folder)
     console = Console()
-    console.print(_plan_table(new_plan), highlight=False, markup=False)
+    console.print(drawn(answer_table(new_plan)), highlight=False, markup=False)
     for line in answer_lines(new_plan):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
@@ -124,18 +126,6 @@ def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
 
     planned = changed_scenario(planned_scenario(scenario), {"robots.count": most})
     return scenario_notes(prepare(planned))
-
-
-def _plan_table(plan: FleetPlan) -> Table:
-    from fogwatch.planning.answer import answer_table  # here: it imports kernels
-
-    answer = answer_table(plan)
-    table = Table(box=None, pad_edge=False, header_style="cyan")
-    for column, head in enumerate(answer.heads):
-        table.add_column(head, justify="right" if column in answer.numbers else "left")
-    for row in answer.rows:
-        table.add_row(*row)
-    return table
 
 
 def _read_numbers(text: str) -> range:
