@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from agent.ports import Bearing, Intent, Place, PolicySetup, Stay, Steer
     from agent.view import View
-    from experiments.plan.result import PlanResult, plan
     from experiments.sweeps.result import SweepResult, sweep
     from fogwatch.api import run
     from fogwatch.notebook.run import Run, load
+    from fogwatch.planning.result import PlanResult, plan
     from patrol.errors import BadInput
     from patrol.pose import Drive, Twist, Velocity
 
@@ -30,7 +30,7 @@ __all__ += ["SweepResult", "Twist", "Velocity", "View", "load", "plan", "run", "
 _NAMES = {
     "agent.ports": "Bearing Intent Place PolicySetup Stay Steer",
     "agent.view": "View",
-    "experiments.plan.result": "PlanResult plan",
+    "fogwatch.planning.result": "PlanResult plan",
     "experiments.sweeps.result": "SweepResult sweep",
     "fogwatch.api": "run",
     "fogwatch.notebook.run": "Run load",

@@ -352,8 +352,6 @@ OWN_FILES = {
     "experiments/benchmark/presets.py": "data of the package",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
-    "experiments/commands/documented.py": "pages of the clone, and what its own commands have written",
-    "experiments/commands/reproduce.py": "data of the package",
     "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",
     "fogwatch/fleets/certificates.py": "the certificate of the authority that it has made",
     "fogwatch/launch/child_control.py": "the kernel's facts about its own children",

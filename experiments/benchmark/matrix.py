@@ -19,6 +19,7 @@ from experiments.benchmark.conditions import check_condition, faults_of, least_t
 from experiments.sweeps.cases import CaseRow
 from experiments.sweeps.figures import POLICY
 from experiments.sweeps.plan import Base, Case, Label, Plan, make_plan
+from fogwatch.terminal.live_table import robots_text
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import BUILTINS, MAX_ROBOTS
 from patrol.scenario.step import PAPER_STEP
@@ -95,11 +96,6 @@ def run_command(case: Case | CaseRow, seed: int) -> str:
     for name, value in {**settings, "step": PAPER_STEP}.items():
         words += ["--set", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
     return shlex.join([*words, "--seed", str(seed), "--in-process"])
-
-
-def robots_text(team: int) -> str:
-    """Return a number of robots in words, such as "1 robot"."""
-    return f"{team} robot{'s' if team > 1 else ''}"
 
 
 def read_policies(text: str) -> tuple[NamedSettings, ...]:

@@ -5,7 +5,6 @@ matplotlib is an optional dependency, so it is imported only when something is d
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,6 @@ from experiments.sweeps.run_metrics import GAINED
 from monitor.figures.style import INK, MUTED, WIDTH, Drawing, figure, plain
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PANEL_HEIGHT = 3.4
@@ -42,39 +40,26 @@ def plane_drawings(rows: Sequence[CaseRow]) -> Iterator[Drawing]:
 
 
 def _draw_planes(rows: Sequence[CaseRow], upward: str) -> Figure:
-    terrains = list(dict.fromkeys(places_of(row)["terrain"] for row in rows))
-    across = min(2, len(terrains))
-    down = math.ceil(len(terrains) / across)
-    chart = figure(WIDTH, PANEL_HEIGHT * down)
-    panels = list(chart.subplots(down, across, squeeze=False).flat)
-    for axes, terrain in zip(panels, terrains, strict=False):
-        axes.set_title(terrain)
-        _draw_plane(axes, [row for row in rows if places_of(row)["terrain"] == terrain], upward)
-    for axes in panels[len(terrains) :]:
-        axes.set_visible(False)
+    by_terrain: dict[str, list[CaseRow]] = {}
+    for row in rows:
+        by_terrain.setdefault(places_of(row)["terrain"], []).append(row)
+    chart = figure(WIDTH, PANEL_HEIGHT * len(by_terrain))
+    panels = chart.subplots(len(by_terrain), squeeze=False).flat
+    for axes, (terrain, group) in zip(panels, by_terrain.items(), strict=True):
+        for place, row in enumerate(group):
+            x, y = row.metrics.get(LATE), row.metrics.get(upward)
+            if x is None or y is None:
+                continue
+            tone, marker, _ = look(place)
+            shape: dict[str, Any] = {"marker": marker, "markerfacecolor": tone if seen_all(row) else "none"}
+            axes.errorbar(x.mean, y.mean, y.half, x.half, color=tone, elinewidth=0.6, markersize=5, **shape)
+            where: dict[str, Any] = {"xy": (x.mean, y.mean), "xytext": (4, 3), "textcoords": "offset points"}
+            axes.annotate(places_of(row)["policy"], **where, fontsize=7, color=INK)
+        if tours := [row.metrics[TOUR].mean for row in group if TOUR in row.metrics]:
+            axes.axvline(tours[0], color=MUTED, linewidth=1.0, linestyle=":", zorder=1)
+        scale(axes, [row.metrics[LATE].mean for row in group if LATE in row.metrics])
+        axes.set(title=terrain, xlabel=MEASURES[LATE], ylabel=MEASURES[upward])
+        if upward == INTRUDED:
+            axes.set_ylim(bottom=0.0)
+        plain(axes)
     return chart
-
-
-def _draw_plane(axes: Axes, rows: Sequence[CaseRow], upward: str) -> None:
-    for place, row in enumerate(rows):
-        x, y = row.metrics.get(LATE), row.metrics.get(upward)
-        if x is None or y is None:
-            continue
-        tone, marker, _ = look(place)
-        shape: dict[str, Any] = {
-            "marker": marker,
-            "markersize": 5,
-            "markerfacecolor": tone if seen_all(row) else "none",
-        }
-        axes.errorbar(x.mean, y.mean, y.half, x.half, color=tone, elinewidth=0.6, **shape)
-        place_text: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7, "color": INK}
-        axes.annotate(places_of(row)["policy"], (x.mean, y.mean), (4, 3), **place_text)
-    tours = [row.metrics[TOUR].mean for row in rows if TOUR in row.metrics]
-    if tours:
-        axes.axvline(tours[0], color=MUTED, linewidth=1.0, linestyle=":", zorder=1)
-    scale(axes, [row.metrics[LATE].mean for row in rows if LATE in row.metrics])
-    axes.set_xlabel(MEASURES[LATE])
-    axes.set_ylabel(MEASURES[upward])
-    if upward == INTRUDED:
-        axes.set_ylim(bottom=0.0)
-    plain(axes)

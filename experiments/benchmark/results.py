@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from experiments.benchmark.matrix import Matrix, places_of, robots_text, run_command
+from experiments.benchmark.matrix import Matrix, places_of, run_command
 from experiments.benchmark.presets import Preset
 from experiments.sweeps.cases import CaseRow, cases_table, runs_table
 from experiments.sweeps.figures import seen_all
@@ -15,6 +15,7 @@ from experiments.sweeps.results import RunResult
 from experiments.sweeps.run_metrics import GAINED, game_metric, moving_metric
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import with_interval
+from fogwatch.terminal.live_table import robots_text
 from monitor.tables.table import Table
 
 LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"

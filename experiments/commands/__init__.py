@@ -1,3 +1,3 @@
-"""Commands of the studies: plans, sweeps, benchmarks, the paper, intruders."""
+"""Commands of the studies: sweeps, benchmarks, the paper, intruders."""
 
-from experiments.commands import benchmark, intruder, paper, plan, sweep  # noqa: F401 - each adds its commands
+from experiments.commands import benchmark, intruder, paper, sweep  # noqa: F401 - each adds its commands

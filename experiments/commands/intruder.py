@@ -11,16 +11,17 @@ import typer
 
 from experiments.intruders.infiltrator import KNOWLEDGE, PANEL, Infiltrator
 from experiments.intruders.standing import ATTACKS_S
+from fogwatch.cli.columns import drawn
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.own_classes import find_classes
+from monitor.tables.table import Table
 from patrol.errors import BadInput, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.progress import Progress
 
     from experiments.intruders.game import Game, Infiltration, Percent
     from experiments.intruders.standing import Successes
@@ -78,10 +79,11 @@ def intruder(
     durations = _read_durations(attacks)
     opened, going = open_folder(run)
     from experiments.intruders.on_run import Moving, games_of
+    from fogwatch.terminal.live_table import bar_on
 
     if code:
         find_classes([opened.prepared.scenario])
-    with _progress_bar() as bar:
+    with bar_on() as bar:
         futures = bar.add_task("simulated futures, %", total=100, visible=code)
         moves = bar.add_task("moving intruder, %", total=100)
 
@@ -120,44 +122,37 @@ def _read_durations(text: str) -> list[float]:
     return durations
 
 
-def _progress_bar() -> Progress:
-    from fogwatch.terminal.live_table import bar_on
+def _print_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.console import Console
 
-    return bar_on()
+    say(title)
+    Console(highlight=False).print(drawn(Table(heads, rows, range(1, len(heads)))))
 
 
 def _print_shares(where: str, shares: Sequence[Successes]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=f"attacks that succeed, on {where}", title_justify="left")
-    for heading in ("attack", "random", "waiting", "statistical", "worst"):
-        table.add_column(heading, justify="right")
+    heads = ("attack", "random", "waiting", "statistical", "worst")
+    rows = []
     for share in shares:
         numbers = [share.random, share.waiting, share.statistical, share.worst]
-        table.add_row(f"{share.attack_s:g} s", *("-" if number is None else f"{number:.1%}" for number in numbers))
-    Console(highlight=False).print(table)
+        rows.append([f"{share.attack_s:g} s", *("-" if number is None else f"{number:.1%}" for number in numbers)])
+    _print_table(f"attacks that succeed, on {where}", heads, rows)
 
 
 def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    title = f"a moving intruder gets in, {outcome.attempts} attempts (%, 95 % interval)"
-    table = Table(title=title, title_justify="left")
-    table.add_column("an intruder that")
-    plans = [("plans once", outcome.once, outcome.gain)]
+    plans = {"plans once": (outcome.once, outcome.gain)}
     if outcome.again_gain is not None:
-        plans.append(("again every second", outcome.again, outcome.again_gain))
-    for heading, _, _ in plans:
-        table.add_column(heading, justify="right")
-    for name in (name for name in KNOWLEDGE if name in outcome.once):
-        shares_of_it = (_percent_text(shares.get(name)) for _, shares, _ in plans)
-        table.add_row(KNOWLEDGE[name], *shares_of_it, end_section=name == "blind")
-    table.add_row("gain of watching, percentage points", *(_percent_text(gain.watching) for _, _, gain in plans))
+        plans["again every second"] = outcome.again, outcome.again_gain
+    rows = [
+        [words, *(_percent_text(shares.get(name)) for shares, _ in plans.values())]
+        for name, words in KNOWLEDGE.items()
+        if name in outcome.once
+    ]
+    rows.append(["gain of watching, percentage points", *(_percent_text(gain.watching) for _, gain in plans.values())])
     if outcome.gain.code is not None:
-        table.add_row("gain of scenario and code, likewise", *(_percent_text(gain.code) for _, _, gain in plans))
-    Console(highlight=False).print(table)
+        gains = (_percent_text(gain.code) for _, gain in plans.values())
+        rows.append(["gain of scenario and code, likewise", *gains])
+    title = f"a moving intruder gets in, {outcome.attempts} attempts (%, 95 % interval)"
+    _print_table(title, ["an intruder that", *plans], rows)
     where = f"at least {outcome.depth_m:.0f} m inside" if infiltrator.zone is None else f"in {infiltrator.zone}"
     typer.echo(
         f"{outcome.speed:.3g} m/s, {infiltrator.stay_s:g} s at the target, {infiltrator.within_s:g} s in all; "

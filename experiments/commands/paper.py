@@ -8,17 +8,18 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from experiments.commands.reproduce import app
 from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
 from experiments.paper.printed import paper
 from experiments.sweeps.cases import case_rows, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
-from fogwatch.cli.command_help import command
+from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
 from fogwatch.run_options import settings_option
 from patrol.extras import check_matplotlib
 from patrol.scenario import parse_overrides
 from patrol.scenario.policies import TO_THE_LETTER
+
+app = group("reproduce", "Reproduce the paper's tables.")
 
 
 @command(app, examples=["fogwatch reproduce table 2 3 --seeds 1", "fogwatch reproduce table"], exit_codes=EXIT_CODES)

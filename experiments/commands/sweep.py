@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.sweeps.cases import (
-    COMPARED,
     LATEX,
     PAIRING,
     SHOWN,
@@ -29,7 +28,7 @@ from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
-from fogwatch.cli.columns import fits
+from fogwatch.cli.columns import UNLIMITED, fits
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.own_classes import find_classes
@@ -39,12 +38,6 @@ from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
 from patrol.scenario.assumptions import assumption_lines
-
-LEFT_OUT = (COMPARED, SHOWN["collisions"], SHOWN["dead_end_percent"], SHOWN["fog_mean_s"], SHOWN["mfow_max_s"])
-"""Columns that a narrow terminal does without, in this order."""
-
-SHORT_NAME = 24
-"""Characters of the longest name of a case that is not replaced by a number."""
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -74,16 +67,13 @@ class Machines:
         if self.workers is not None and self.cluster is not None:
             raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
 
-    def make_runs(
-        self, plan: Plan, folder: Path, console: Console, estimate_time: bool = True, assumed: Sequence[str] = ()
-    ) -> SweepOutcome:
+    def make_runs(self, plan: Plan, folder: Path, console: Console, assumed: Sequence[str] = ()) -> SweepOutcome:
         """Make a plan's runs with a progress bar, after the lines `assumed`.
 
-        Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`,
-        a few runs are tried first, to say how long all will take.
+        Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues.
         """
         pool = LocalWorkers(self.workers) if self.cluster is None else ClusterWorkers(self.cluster)
-        with SweepProgress(console, estimate_time=estimate_time, assumed=assumed) as progress:
+        with SweepProgress(console, assumed=assumed) as progress:
             try:
                 return run_sweep(plan, folder, workers=pool, observer=progress, say=progress.say)
             except KeyboardInterrupt:
@@ -120,8 +110,8 @@ def sweep(
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    The folder gets sweep.md (a page with tables and figures), summary.csv and summary.json (a row a case), table.tex
-    (for a paper in LaTeX), runs.csv (a row a run), comparisons.csv (paired tests of the cases that `against` compares)
+    The folder gets sweep.md (a page with tables and figures), summary.csv (a row a case), table.tex (for a
+    paper in LaTeX), runs.csv (a row a run), comparisons.csv (paired tests of the cases that `against` compares)
     and figures/ as PNG, SVG and PDF. Runs that have a result there are not repeated, so that an interrupted sweep
     continues when it is started again.
     """
@@ -136,7 +126,7 @@ def sweep(
     if len(steps := sorted({run.scenario.step for run in plan.runs if "step" in run.scenario.assumed})) > 1:
         texts = ", ".join(f"{step:g}" for step in steps)
         assumed.append(f"automatic steps differ: {texts} s; for one step in all cases, set step: {steps[0]:g} in base")
-    outcome = machines.make_runs(plan, folder, console, estimate_time=False, assumed=assumed)
+    outcome = machines.make_runs(plan, folder, console, assumed)
     for line in () if outcome.made else assumed:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     write_tables(outcome, folder, table)
@@ -152,7 +142,7 @@ def sweep(
     for line in plan.notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
-    files = f"{folder}: sweep.md, summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
+    files = f"{folder}: sweep.md, summary.csv, table.tex, runs.csv{compared}, figures"
     console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 
@@ -184,48 +174,26 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """Print the cases' means as a table.
 
     Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
-    below the means. Where that is not enough, short names stay, and some columns are left out; long names stand above
-    the table, which has the cases' numbers.
+    below the means, and the words of a name below each other.
     """
     names, shared = told_apart({row.case: row.words for row in rows})
     if shared:
         console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
     shown = shown_table(rows, names)
-    left_out: list[str] = []
     table = _cases_table(shown, " ")
     if not fits(table, console):
-        table = _cases_table(shown, "\n")
-    if max(map(len, names.values())) <= SHORT_NAME:
-        for head in [head for head in LEFT_OUT if head in shown.heads]:
-            if fits(table, console):
-                break
-            left_out.append(head)
-            table = _cases_table(shown, "\n", left_out)
-    if not fits(table, console):
-        left_out.clear()
-        numbers = {case: str(number) for number, case in enumerate(names, start=1)}
-        for case, number in numbers.items():
-            console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
-        table = _cases_table(shown_table(rows, numbers), "\n")
+        console, table = Console(file=console.file, width=UNLIMITED), _cases_table(shown, "\n")
     console.print(table, highlight=False, markup=False)
-    if left_out:
-        text = f"in summary.csv, as this terminal is too narrow: {', '.join(left_out)}"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _cases_table(shown: Shown, between: str, left_out: Collection[str] = ()) -> Table:
-    """Return the table of the cases' means, without the columns whose heads are left out.
-
-    `between` separates a mean from its interval, and the halves of a title: a space or a line break.
-    """
+def _cases_table(shown: Shown, between: str) -> Table:
+    """Return the table of the cases' means; `between` separates a mean from its interval: a space or a line break."""
     narrow = between == "\n"
     table = Table(box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
-    columns = [column for column, head in enumerate(shown.heads) if head not in left_out]
-    for column in columns:
-        title = shown.heads[column]
+    for column, title in enumerate(shown.heads):
         head, *unit = title.rsplit(" ", 2) if column in shown.numbers else title.split()
         name = between.join([head, " ".join(unit)]) if unit else head
         table.add_column(name, justify="right" if column in shown.numbers else "left")
     for row in shown.rows:
-        table.add_row(*(row[at].replace(" ", between) if at in shown.numbers else row[at] for at in columns))
+        table.add_row(*(cell.replace(" ", between) for cell in row))
     return table

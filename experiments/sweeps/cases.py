@@ -8,17 +8,13 @@ differences -9, -4 and -9 s.
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from experiments.sweeps.plan import Case, Label, Run
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate, with_interval
-from experiments.sweeps.worker import software
 from monitor.tables.table import Table
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.whole_file import write_whole, writing
@@ -40,7 +36,6 @@ def bare(title: str) -> str:
 
 CHANGE = "change of MFoW (%)"
 P = "p"
-COMPARED = "compared with"
 
 NO_P = "-"
 """Text in place of a p-value where there is none."""
@@ -105,32 +100,17 @@ def _change_in_percent(own: Mapping[int, float], others: Mapping[int, float]) ->
     return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
-def write_tables(outcome: SweepOutcome, folder: Path, table: str = LATEX) -> tuple[Path, Path]:
-    """Write the tables of a sweep, and return the paths of summary.csv and summary.json.
+def write_tables(outcome: SweepOutcome, folder: Path, table: str = LATEX) -> None:
+    """Write the tables of a sweep.
 
-    The others are runs.csv, a row for each run, comparisons.csv, the paired tests, and table.tex, with the columns that
-    `table` names (`latex_heads`).
+    They are summary.csv, a row for each case, runs.csv, a row for each run, comparisons.csv, the paired tests, and
+    table.tex, with the columns that `table` names (`latex_heads`).
     """
     rows = case_rows(outcome)
-    as_csv, as_json = folder / "summary.csv", folder / "summary.json"
-    write_text(as_csv, cases_table(rows).csv())
+    write_text(folder / "summary.csv", cases_table(rows).csv())
     write_text(folder / "runs.csv", runs_table(outcome).csv())
     write_text(folder / "comparisons.csv", comparisons_table(paired_tests(rows)).csv())
-    content = {
-        "name": outcome.plan.name,
-        "software": software(),
-        "seeds": list(outcome.plan.seeds),
-        "cases": [_as_json(row) for row in rows],
-        "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
-    }
-    write_text(as_json, json_text(content))
     write_latex(rows, outcome.plan.name, latex_heads(table), folder / "table.tex")
-    return as_csv, as_json
-
-
-def json_text(value: Any) -> str:
-    """Return a value as indented JSON text; it must be without NaN."""
-    return f"{json.dumps(value, indent=1, allow_nan=False)}\n"
 
 
 def write_text(path: Path, text: str) -> None:
@@ -228,15 +208,14 @@ def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
     counts = [name for name in ("failed", "warned") if any(getattr(row, name) for row in rows)]
     compared = any(row.against for row in rows)
     p = {test.case: test.p_holm for test in paired_tests(rows) if test.metric == "mfow_mean_s"}
-    heads = ["case", "runs", *counts, *(SHOWN[name] for name in shown), *([CHANGE, P, COMPARED] if compared else [])]
+    heads = ["case", "runs", *counts, *(SHOWN[name] for name in shown), *([CHANGE, P] if compared else [])]
     cells = []
     for row in rows:
         numbers = [str(getattr(row, name)) for name in ("runs", *counts)]
         means = [with_interval(row.metrics.get(name)) for name in shown]
-        against = "" if row.against is None else names.get(row.against, row.against)
-        change = [with_interval(row.change.get("mfow_mean_s")), p_text(p.get(row.case)), against] if compared else []
+        change = [with_interval(row.change.get("mfow_mean_s")), p_text(p.get(row.case))] if compared else []
         cells.append([names.get(row.case, row.case), *numbers, *means, *change])
-    return Table(heads, cells, range(1, len(heads) - compared))
+    return Table(heads, cells, range(1, len(heads)))
 
 
 def latex_heads(columns: str) -> list[str]:
@@ -285,25 +264,6 @@ def partner_text(rows: Sequence[CaseRow]) -> str:
     return texts[0] if len(texts) == 1 else "the case that differs only in what is compared"
 
 
-def _as_json(row: CaseRow) -> dict[str, Any]:
-    def numbers(found: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
-        return {name: {"mean": metric.mean, "ci95": metric.interval} for name, metric in found.items()}
-
-    metrics = numbers(row.metrics)
-    for name, values in row.values.items():
-        metrics[name]["values"] = {str(seed): value for seed, value in values.items()}
-    return {
-        "case": row.case,
-        "set": dict(row.settings),
-        "runs": row.runs,
-        "failed": row.failed,
-        "warned": row.warned,
-        "metrics": metrics,
-        "against": row.against,
-        "change_percent": numbers(row.change),
-    }
-
-
 TEST = "two-sided paired t-test"
 """The test whose p-values tables and figures show; it agrees with the intervals of the differences."""
 
@@ -319,11 +279,13 @@ class PairedTest:
     metric: str
     difference: Estimate  # mean over the seeds that both have, in the metric's unit, with its 95 % interval
     change: Estimate | None  # the same in percent of the other's mean; None where that is not above 0
-    # probability of so large a difference if the setting had no effect; None for fewer than two pairs, or equal
-    # differences
-    p: float | None
-    # the same, corrected by Holm's method for all tests of this metric
+    # the p of the difference, corrected by Holm's method for all tests of this metric
     p_holm: float | None = None
+
+    @property
+    def p(self) -> float | None:
+        """The probability of so large a difference if the setting had no effect; None where `Estimate.p` is."""
+        return self.difference.p
 
     @property
     def pairs(self) -> int:
@@ -345,9 +307,7 @@ def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
             partner = by_name[row.against].values.get(metric, {})
             differences = [by_seed[seed] - partner[seed] for seed in by_seed if seed in partner]
             if differences:
-                difference = estimate(differences)
-                p = p_of_no_difference(differences)
-                tests.append(PairedTest(row.case, row.against, metric, difference, row.change.get(metric), p))
+                tests.append(PairedTest(row.case, row.against, metric, estimate(differences), row.change.get(metric)))
     return [test for metric in dict.fromkeys(test.metric for test in tests) for test in _corrected(tests, metric)]
 
 
@@ -364,23 +324,6 @@ def _corrected(tests: Sequence[PairedTest], metric: str) -> list[PairedTest]:
     for place, (p, case) in enumerate(ordered):
         corrected[case] = floor = min(max(floor, p * (len(ordered) - place)), 1.0)
     return [replace(test, p_holm=corrected.get(test.case)) for test in own]
-
-
-def p_of_no_difference(differences: Sequence[float]) -> float | None:
-    """Return the p-value of a two-sided t-test that the mean of some differences is 0.
-
-    None for fewer than two differences, and where all are the same.
-    """
-    count = len(differences)
-    if count < 2:
-        return None
-    mean = math.fsum(differences) / count
-    variance = math.fsum((value - mean) ** 2 for value in differences) / (count - 1)
-    if variance == 0.0:
-        return None
-    from scipy.special import stdtr  # an optional dependency, and slow to load
-
-    return 2.0 * float(stdtr(count - 1, -abs(mean) / math.sqrt(variance / count)))
 
 
 def p_text(p: float | None) -> str:

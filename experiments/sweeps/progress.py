@@ -1,7 +1,4 @@
-"""The progress of a sweep: a bar with the time left on a terminal, one line per run elsewhere.
-
-How long a sweep will take is estimated from the first ticks of a few of its runs.
-"""
+"""The progress of a sweep: a bar with the time left on a terminal, one line per run elsewhere."""
 
 from __future__ import annotations
 
@@ -19,25 +16,10 @@ from rich.table import Table
 from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
-from experiments.sweeps.worker import run_scenario
 from fogwatch.terminal.live_table import bar_on, duration_text
-from patrol.errors import BadInput
-from patrol.scenario import Scenario
 
 RESULT_OPTIONS = ("--out", "--workers", "--cluster")
 """Options that say where results are made and written, and change none."""
-
-TRIED = 6
-"""Number of runs that are tried for an estimate of the time."""
-
-TICKS = 100
-"""Number of ticks of each."""
-
-LOADING_TICKS = 2
-"""Number of ticks of a run before the first. It is not timed, since libraries and kernels load once for all runs."""
-
-ENOUGH_S = 15.0
-"""Wall time after which no further run is tried, s."""
 
 
 class SweepProgress:
@@ -47,19 +29,13 @@ class SweepProgress:
     """
 
     def __init__(
-        self,
-        console: Console,
-        clock: Callable[[], float] = time.monotonic,
-        estimate_time: bool = False,
-        assumed: Sequence[str] = (),
+        self, console: Console, clock: Callable[[], float] = time.monotonic, assumed: Sequence[str] = ()
     ) -> None:
         """Make the bar, without showing it.
 
-        `clock` gives the time in s. With `estimate_time`, a few runs are tried first, to say how long all will take.
-        The lines `assumed` say what the runs hold for.
+        `clock` gives the time in s. The lines `assumed` say what the runs hold for.
         """
         self._assumed = assumed
-        self._estimate_time = estimate_time
         self._console = console
         self._clock = clock
         self._begun = 0.0
@@ -92,7 +68,7 @@ class SweepProgress:
         for line in self._assumed:
             self.say(line)
         done_text = f", {self._there} done already" if self._there else ""
-        self.say(f"{self._todo} runs to make{done_text}; {workers} at a time{self._forecast_text(todo, workers)}")
+        self.say(f"{self._todo} runs to make{done_text}; {workers} at a time")
         self._bar.update(self._task, total=self.total, completed=self.done)
         self._begun = self._clock()
 
@@ -115,50 +91,9 @@ class SweepProgress:
         """Print a line above the bar."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def _forecast_text(self, todo: list[Run], workers: int) -> str:
-        run_s = seconds_per_run(todo) if self._estimate_time else None
-        return (
-            ""
-            if run_s is None
-            else f", about {duration_text(run_s)} per run, {duration_text(run_s * len(todo) / workers)} in all"
-        )
-
     def _time_left(self) -> str:
         spent = self._clock() - self._begun
         return f"{duration_text(spent / self._made * (self._todo - self._made))} left"
-
-
-def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_counter) -> float | None:
-    """Estimate the mean wall time of a run, s, by trying some of them, spread over the list.
-
-    None if none of the tried runs can be made. `clock` gives the time in s.
-    """
-    from patrol.prepare import prepare  # here: loads kernels
-
-    estimates_s: list[float] = []
-    begun = clock()
-    for index in range(min(TRIED, len(runs))):
-        run = runs[index * len(runs) // min(TRIED, len(runs))]
-        scenario = run.scenario
-        short = _cut_scenario(scenario, TICKS)
-        try:
-            if not estimates_s:
-                run_scenario(_cut_scenario(scenario, LOADING_TICKS), run.games)
-            first = clock()
-            prepared = prepare(short)
-            ready = clock()
-            run_scenario(prepared, run.games)
-        except BadInput:  # the sweep reports it
-            continue
-        estimates_s.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
-        if clock() - begun > ENOUGH_S:
-            break
-    return sum(estimates_s) / len(estimates_s) if estimates_s else None
-
-
-def _cut_scenario(scenario: Scenario, ticks: int) -> Scenario:
-    """Return the first ticks of a scenario."""
-    return scenario.model_copy(update={"duration": scenario.step * min(ticks, scenario.ticks)})
 
 
 def print_failures(console: Console, outcome: SweepOutcome) -> None:

@@ -27,16 +27,12 @@ class Estimate:
     low: float | None  # lower end of the interval; None for fewer than two values
     high: float | None  # upper end; None for fewer than two values
     count: int  # number of values
+    p: float | None = None  # of a two-sided t-test that the mean is 0; None for fewer than two values, or equal ones
 
     @property
     def half(self) -> float | None:
         """Half the width of the interval, or None."""
         return None if self.low is None or self.high is None else (self.high - self.low) / 2.0
-
-    @property
-    def interval(self) -> list[float] | None:
-        """[low, high], or None."""
-        return None if self.low is None or self.high is None else [self.low, self.high]
 
 
 def with_interval(found: Estimate | None, digits: int = 1, sign: str = " ±", none: str = "-") -> str:
@@ -47,17 +43,19 @@ def with_interval(found: Estimate | None, digits: int = 1, sign: str = " ±", no
 
 
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
-    """Return the mean of independent values with Student's interval."""
+    """Return the mean of independent values with Student's interval and test."""
     if not values:
         raise ValueError("a mean needs at least one value")
     mean = math.fsum(values) / len(values)
     if len(values) == 1:
         return Estimate(mean, None, None, 1)
-    from scipy.special import stdtrit  # an optional dependency, and slow to load
+    from scipy.special import stdtr, stdtrit  # an optional dependency, and slow to load
 
-    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    half = float(stdtrit(len(values) - 1, 0.5 + confidence / 2.0)) * spread
-    return Estimate(mean, mean - half, mean + half, len(values))
+    free = len(values) - 1
+    spread = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / free / len(values))
+    half = float(stdtrit(free, 0.5 + confidence / 2.0)) * spread
+    p = None if spread == 0.0 else 2.0 * float(stdtr(free, -abs(mean) / spread))
+    return Estimate(mean, mean - half, mean + half, len(values), p)
 
 
 @dataclass(frozen=True, slots=True)

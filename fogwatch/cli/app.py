@@ -22,6 +22,7 @@ from fogwatch.commands import (  # noqa: F401 - each adds its commands
     fleet,
     judge,
     page,
+    plan,
     processes,
     recording,
     report,

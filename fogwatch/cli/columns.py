@@ -8,6 +8,8 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
+from monitor.tables.table import Table as Shown
+
 WIDEST = 24
 """Width of a column at most, so that one long value does not part the columns."""
 
@@ -19,6 +21,16 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a line for each row, with columns as wide as their longest cell."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def drawn(shown: Shown) -> Table:
+    """Return a table of texts as a terminal shows it."""
+    table = Table(box=None, pad_edge=False, header_style="cyan")
+    for column, head in enumerate(shown.heads):
+        table.add_column(head, justify="right" if column in shown.numbers else "left")
+    for row in shown.rows:
+        table.add_row(*row)
+    return table
 
 
 def fits(table: Table, console: Console) -> bool:

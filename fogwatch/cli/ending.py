@@ -34,6 +34,9 @@ GONE = {
         for field in ("point", "duration", "sensor.range")
     },
     "reproduce faults": f"`fogwatch reproduce faults` is gone; {_FAULTS}",
+    "reproduce figure": "`fogwatch reproduce figure` is gone; a clone has the command of each figure in "
+    "docs/pictures/figures.json",
+    "reproduce check": "`fogwatch reproduce check` is now `python docs/samples.py` in a clone of fogwatch",
     "chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch",
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
     "record --check": f"`fogwatch record --check` is gone; {_MCAP}",

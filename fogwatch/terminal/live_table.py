@@ -224,6 +224,11 @@ def headline(metrics: Metrics) -> str:
     return "; ".join(parts)
 
 
+def robots_text(count: int) -> str:
+    """Return a number of robots in words, such as "1 robot"."""
+    return f"{count} robot{'s' if count > 1 else ''}"
+
+
 def duration_text(seconds: float) -> str:
     """Format a duration, for example "42 s", "7 min 05 s" or "2 h 05 min"."""
     total_s = round(seconds)

@@ -25,7 +25,7 @@ from agent.policies import (
 )
 from experiments.intruders import game, predictors
 from experiments.intruders.infiltrator import Infiltrator
-from experiments.plan import plan
+from fogwatch.planning import plan
 from monitor.page import saved
 from monitor.page.authorisation import MIN_TOKEN_LENGTH
 from monitor.page.hub import TRAIL

@@ -44,8 +44,6 @@ NOT_EXECUTED = {
     "fogwatch status --credentials": MEMBERS,
     "fogwatch status --router": MEMBERS,
     "fogwatch benchmark --preset": "needs the map of cumberland, which is not ours",
-    "fogwatch reproduce figure": "becomes another program; tests/experiments/commands/test_reproduce.py starts it",
-    "fogwatch reproduce check": "measures for a while; tests/accept/test_documented.py checks all samples",
     "fogwatch reproduce table --seeds": "runs all cells of seven tables",
 }
 """Beginnings of commands, and why they are not executed."""

@@ -9,9 +9,9 @@ import pytest
 
 from tests.fleets import python
 
-NAMES = ("plan", "intruder", "sweep", "benchmark", "reproduce")
+NAMES = ("intruder", "sweep", "benchmark", "reproduce")
 ROOT = Path(__file__).parents[2]
-CORE = ("agent", "fogwatch", "monitor", "patrol", "ros2", "worldsim")
+CORE = ("agent", "fogwatch", "monitor", "patrol", "ros2", "runtime", "worldsim")
 WITHOUT = """
 import sys
 sys.path = [sys.argv.pop(1), *(folder for folder in sys.path if folder != sys.argv[1])]

@@ -17,7 +17,7 @@ from experiments.commands.benchmark import Comparison
 from fogwatch.cli.app import app
 from patrol.scenario import BUILTINS, load_scenario
 from tests.cells import write_cells
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 GRAPH = "2 40 40 0.5 0 0\n0 10 10 1\n1 E 20\n1 30 10 1\n0 W 20\n"
 QUIET = ("--no-picture", "--no-recording", "--no-report", "--quiet")

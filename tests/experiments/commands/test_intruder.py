@@ -18,7 +18,7 @@ from experiments.intruders.report_section import play_on
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 GRAPH = {"vertices": [[10, 10], [30, 10], [60, 60]], "edges": [[0, 1, 20], [1, 2, 60]]}
 SCENARIO = {
@@ -100,7 +100,7 @@ def test_an_intruder_with_the_code_simulates_the_run(watched: Path, run: Command
     played = fogwatch.load(watched).infiltration(code=True, **settings)
     assert played.gain.code is not None
     assert played.gain.code.percent == played.once["code"].percent - played.once["blind"].percent
-    assert f"gain of scenario and code, likewise │ {played.gain.code.percent:.0f} (" in " ".join(shown.split())
+    assert f"gain of scenario and code, likewise {played.gain.code.percent:.0f} (" in " ".join(shown.split())
 
 
 def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: Path) -> None:

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from experiments.sweeps.page import print_page
 from monitor.tables.table import Table
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 TABLE = ("reproduce", "table")
 QUICK = ("--set", "point=1", "--set", "duration=20", "--workers", "1")
@@ -30,7 +30,7 @@ def test_a_table_is_made_to_the_letter(tmp_path: Path, run: Command) -> None:
 def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Command) -> None:
     part = ("--rows", "f3", "--columns", "g3,g4", "--seeds", "2", "--set", "sensor.range=11")
     said = output(run(*TABLE, "2", "3", *part, *QUICK, "--out", str(tmp_path)))
-    assert "8 runs to make; 1 at a time, " in said
+    assert "8 runs to make; 1 at a time\n" in said
     assert "## Table 2: open field, 3 holonomic robots, vector sum" in said
     assert "Assumed: no dilatation" in said
     assert "`sensor.range: 11`" in said

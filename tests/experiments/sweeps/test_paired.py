@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.sweeps.cases import PAIRING, TEST, CaseRow, comparisons_table, p_of_no_difference, paired_tests
+from experiments.sweeps.cases import PAIRING, TEST, CaseRow, comparisons_table, paired_tests
 from experiments.sweeps.stats import estimate
 
 
@@ -23,12 +23,12 @@ def test_p_is_that_of_students_table() -> None:
     for differences, t in (((1.0, 2.0, 3.0), 4.303), ((1.0, 2.0, 3.0, 4.0, 5.0), 2.776)):
         spread = estimate(differences).half or 0.0
         shift = spread - estimate(differences).mean  # then the interval of the mean just touches 0
-        assert p_of_no_difference([value + shift for value in differences]) == pytest.approx(0.05, abs=1e-9), t
+        assert estimate([value + shift for value in differences]).p == pytest.approx(0.05, abs=1e-9), t
 
 
 def test_without_spread_there_is_no_p() -> None:
-    assert p_of_no_difference([3.0]) is None
-    assert p_of_no_difference([2.0, 2.0, 2.0]) is None
+    assert estimate([3.0]).p is None
+    assert estimate([2.1, 2.1, 2.1]).p is None
 
 
 @pytest.mark.parametrize("seeds", [(1, 2, 3, 4), (4, 1, 2, 3), (1, 4, 2, 3)])
@@ -52,7 +52,7 @@ def test_the_first_and_the_last_seed_count_like_all_others() -> None:
     new = {seed: old[seed] + 2.0**seed for seed in reversed(old)}
     (test,) = paired_tests([row("old", None, old), row("new", "old", new)])
     assert (test.pairs, test.difference.mean) == (5, 62.0 / 5.0)
-    assert test.p == p_of_no_difference([2.0, 4.0, 8.0, 16.0, 32.0])
+    assert test.p == estimate([2.0, 4.0, 8.0, 16.0, 32.0]).p
     (pair,) = paired_tests([row("old", None, {7: 1.0}), row("new", "old", {7: 4.0})])
     assert (pair.pairs, pair.difference.mean, pair.p) == (1, 3.0, None)
 

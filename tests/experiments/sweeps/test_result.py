@@ -82,7 +82,7 @@ def test_a_file_gives_the_commands_tables(
     result = fogwatch.sweep("trails.yaml", workers=1)
     assert result.folder == Path("runs/trails")
     assert command("sweep", "trails.yaml", "--out", "by-command", "--workers", "1") == 0
-    for name in ("summary.csv", "summary.json", "table.tex"):
+    for name in ("summary.csv", "table.tex"):
         assert (result.folder / name).read_bytes() == (Path("by-command") / name).read_bytes()
     with pytest.raises(BadInput, match=r"grid: trails\.yaml is a sweep, which says so itself"):
         fogwatch.sweep("trails.yaml", grid={"point": [1, 2]})

@@ -36,13 +36,14 @@ def test_an_interval_excludes_zero_when_the_t_test_rejects() -> None:
     values = [0.3, 0.1, 0.5, 0.2, 0.4]
     found = estimate(values)
     assert present(found.low) > 0.0
-    assert scipy.stats.ttest_1samp(values, 0.0).pvalue < 0.05
+    assert found.p == pytest.approx(scipy.stats.ttest_1samp(values, 0.0).pvalue, rel=1e-12)
+    assert present(found.p) < 0.05
 
 
 def test_one_value_has_no_interval_and_none_no_mean() -> None:
     alone = estimate([3.0])
     assert (alone.mean, alone.count) == (3.0, 1)
-    assert [alone.low, alone.high, alone.half, alone.interval] == [None] * 4
+    assert [alone.low, alone.high, alone.half, alone.p] == [None] * 4
     with pytest.raises(ValueError, match="at least one value"):
         estimate([])
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import gc
+import io
 import json
 import selectors
 import signal
@@ -266,17 +268,16 @@ def test_workers_are_one_or_more(size: int) -> None:
 def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
     cases = plan({"a": {"sensor.range": 10, "robots.starts": "random"}, "bad": OVERLAP}, seeds=(1, 2, 3))
     outcome = run_sweep(cases, tmp_path, workers=Here())
-    as_csv, as_json = write_tables(outcome, tmp_path)
-    says = json.loads(as_json.read_text())
-    row, bad = says["cases"]
-    values = row["metrics"]["fog_mean_s"]["values"]
-    low, high = row["metrics"]["fog_mean_s"]["ci95"]
-    assert list(values) == ["1", "2", "3"]
-    assert row["metrics"]["fog_mean_s"]["mean"] == pytest.approx(sum(values.values()) / 3)
-    assert low < min(values.values()) < max(values.values()) < high
-    assert (bad["runs"], bad["failed"], len(says["failed"])) == (0, 3, 3)
-    assert (row["warned"], bad["warned"]) == (0, 0)
-    header, first, second = as_csv.read_text().splitlines()
+    write_tables(outcome, tmp_path)
+    row, bad = csv.DictReader(io.StringIO((tmp_path / "summary.csv").read_text()))
+    runs = list(csv.DictReader(io.StringIO((tmp_path / "runs.csv").read_text())))
+    assert [run["case"] + run["seed"] for run in runs] == ["a1", "a2", "a3", "bad1", "bad2", "bad3"]
+    values = [float(run["fog_mean_s"]) for run in runs[:3]]
+    assert float(row["fog_mean_s"]) == pytest.approx(sum(values) / 3)
+    assert float(row["fog_mean_s_low"]) < min(values) < max(values) < float(row["fog_mean_s_high"])
+    assert (bad["runs"], bad["failed"], row["warned"], bad["warned"]) == ("0", "3", "0", "0")
+    assert all("overlap" in run["error"] for run in runs[3:])
+    header, first, second = (tmp_path / "summary.csv").read_text().splitlines()
     columns = "case,sensor.range,robots.starts,runs,failed,warned,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
     assert header.startswith(columns)
     assert first.startswith("a,10,random,3,0,0,")
@@ -295,9 +296,9 @@ def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_
     assert change.mean == pytest.approx(100.0 * (two.metrics["fog_mean_s"].mean / one.metrics["fog_mean_s"].mean - 1.0))
     differences = estimate([ours[seed] - theirs[seed] for seed in (1, 2, 3)])
     assert change.half == pytest.approx(100.0 * (differences.half or 0.0) / one.metrics["fog_mean_s"].mean)
-    as_csv, as_json = write_tables(outcome, tmp_path)
-    assert json.loads(as_json.read_text())["cases"][1]["against"] == "count 1"
-    header, first, second = (line.split(",") for line in as_csv.read_text().splitlines())
+    write_tables(outcome, tmp_path)
+    header, first, second = (line.split(",") for line in (tmp_path / "summary.csv").read_text().splitlines())
+    assert second[-1] == "count 1"
     assert len(header) == len(first) == len(second)
     assert dict(zip(header, second, strict=True))["fog_mean_s_change_percent"] == str(change.mean)
 

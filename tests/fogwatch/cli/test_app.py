@@ -259,6 +259,8 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("reproduce table 2 --point=1", "has no option for point now; give --set point=NUMBER"),
         ("benchmark --preset magec --map a.yaml", "`fogwatch benchmark --map` is gone; give --terrains FILE.graph+"),
         ("reproduce faults", "`fogwatch reproduce faults` is gone; what faults cost is a sweep"),
+        ("reproduce figure paper", "`fogwatch reproduce figure` is gone; a clone has the command of each figure in"),
+        ("reproduce check", "`fogwatch reproduce check` is now `python docs/samples.py` in a clone"),
     ],
 )
 def test_words_of_1_0_that_cannot_go_on_say_so(words: str, error: str, shell: Shell) -> None:

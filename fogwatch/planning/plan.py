@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.benchmark.matrix import robots_text
-from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
 from fogwatch.own_classes import find_classes
+from fogwatch.planning.division import Divider, Territory
+from fogwatch.terminal.live_table import robots_text
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED

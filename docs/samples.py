@@ -1,4 +1,7 @@
-r"""Samples of the numbers in docs/results: what a page says, and the commands that measure it again.
+r"""Measure a sample of the numbers in docs/results again: ``python docs/samples.py [PAGE]`` names those that differ.
+
+A number differs if it is further away than its interval on the page, or than a tenth where the page gives none. The
+exit code is 1 if some number differs.
 
 `docs/results/samples.json` has, for each page, its samples::
 
@@ -25,8 +28,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from patrol.errors import BadInput
-
+ROOT = Path(__file__).parents[1]
 SAMPLES = "samples.json"
 UNSTATED = 0.1
 """Share of a number by which it may differ where its page gives no interval."""
@@ -52,7 +54,7 @@ class Sample:
         text = " ".join((folder / f"{self.page}.md").read_text(encoding="utf-8").split())
         match = re.search(self.says, text)
         if match is None:
-            raise BadInput(f"docs/results/{self.page}.md: has no text like {self.says}; correct it in {SAMPLES}")
+            raise SystemExit(f"docs/results/{self.page}.md: has no text like {self.says}; correct it in {SAMPLES}")
         value, half = match[1], match[2] if match.re.groups > 1 else None
         rounding = 0.5 * 10.0 ** -len(value.partition(".")[2])
         if half is not None:
@@ -72,7 +74,7 @@ class Sample:
                     process = subprocess.run(words, cwd=scratch, capture_output=True, text=True, check=False)
                     # 1 is an answer too: of `fogwatch plan`, that no number of robots keeps the age.
                     if process.returncode not in (0, 1):
-                        raise BadInput(f"{command}: exit code {process.returncode}: {process.stderr.strip()[-300:]}")
+                        raise SystemExit(f"{command}: exit code {process.returncode}: {process.stderr.strip()[-300:]}")
                     printed = process.stdout
                 values.append(self._read_value(out, printed))
         return self.scale * sum(values) / len(values)
@@ -88,23 +90,36 @@ class Sample:
                 content = content[int(part) if isinstance(content, list) else part]
             return float(content)
         except (OSError, ValueError, LookupError, StopIteration, TypeError) as error:
-            raise BadInput(f"{self.page}: {self.value}: no number there ({error}); correct {SAMPLES}") from None
+            raise SystemExit(f"{self.page}: {self.value}: no number there ({error}); correct {SAMPLES}") from None
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """The samples of docs/results."""
-
-    folder: Path  # docs/results
-    samples: tuple[Sample, ...]
-    unsampled: dict[str, str]  # the reason, by page without samples
-
-
-def read_samples(clone: Path) -> Samples:
-    """Read the samples of docs/results."""
-    folder = clone / "docs" / "results"
-    if not (folder / SAMPLES).is_file():
-        raise BadInput(f"check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")
-    content = json.loads((folder / SAMPLES).read_text(encoding="utf-8"))
+def read_samples(root: Path = ROOT) -> tuple[list[Sample], dict[str, str]]:
+    """Return the samples, and the reason for each page that has none."""
+    content = json.loads((root / "docs" / "results" / SAMPLES).read_text(encoding="utf-8"))
     samples = [Sample(page, **entry) for page, listed in content["pages"].items() for entry in listed]
-    return Samples(folder, tuple(samples), content["unsampled"])
+    return samples, content["unsampled"]
+
+
+def main(page: str | None = None, root: Path = ROOT) -> int:
+    """Check the samples of a page, or of all."""
+    samples = [sample for sample in read_samples(root)[0] if page in (None, sample.page)]
+    if not samples:
+        raise SystemExit(f"{page}: no page of docs/results that has samples")
+    changed = 0
+    for sample in samples:
+        recorded, allowed = sample.stated(root / "docs" / "results")
+        value = sample.measure(root)
+        same = abs(value - recorded) <= allowed
+        changed += not same
+        command = sample.commands[-1].format(out="OUT", seed=sample.seeds[-1], clone=".")
+        print(
+            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {recorded:g} (within {allowed:.3g}), "
+            f"now {value:.4g}: {command}",
+            flush=True,
+        )
+    print(f"{changed} of {len(samples)} numbers have changed")
+    return 1 if changed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

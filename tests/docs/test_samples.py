@@ -1,4 +1,4 @@
-"""``fogwatch reproduce``: the documentation's figures are listed with commands that make them again."""
+"""The documentation's figures have commands that make them again, and its numbers samples that are measured again."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import pytest
 from PIL import Image
 from typer.main import get_command
 
-from experiments.commands import reproduce as studies
-from experiments.commands.reproduce import site_figures
+from docs.samples import main
 from fogwatch.cli.app import app
-from tests.experiments.commands.conftest import Command, output, refuses
 
-DOCS = Path(__file__).parents[3] / "docs"
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+FIGURES = {row["figure"]: row for row in json.loads((DOCS / "pictures" / "figures.json").read_text(encoding="utf-8"))}
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
 
 MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
@@ -35,7 +35,7 @@ def pictures_of_documents() -> set[Path]:
 
 
 def test_every_picture_of_the_documentation_has_its_command() -> None:
-    patterns = [pattern for figure in site_figures().values() for pattern in figure["files"]]
+    patterns = [pattern for figure in FIGURES.values() for pattern in figure["files"]]
     made = {pattern: set(DOCS.glob(pattern)) for pattern in patterns}
     assert all(made.values()), "every pattern stands for a picture"
     shown = pictures_of_documents()
@@ -46,7 +46,7 @@ def test_every_picture_of_the_documentation_has_its_command() -> None:
 def test_the_commands_are_those_that_the_pages_name() -> None:
     pages = [page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md")]
     recorded = {line for page in pages for made_by in MADE_BY.findall(page) for line in made_by}
-    for figure in site_figures().values():
+    for figure in FIGURES.values():
         program, *words = shlex.split(figure["command"])
         if program == "python":
             assert (DOCS.parent / words[0]).is_file()
@@ -59,32 +59,11 @@ def test_the_commands_are_those_that_the_pages_name() -> None:
         assert whole in recorded
 
 
-def test_the_list_has_times_and_commands(run: Command) -> None:
-    lines = output(run("reproduce")).splitlines()
-    assert "paper: 252 min: fogwatch reproduce table --seeds 5" in lines
-    assert len(lines) == len(site_figures())
-    root: Any = get_command(app)
-    assert not set(site_figures()) & set(root.commands["reproduce"].commands)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("paper-table-1",), "paper-table-1: no such figure; did you mean paper-table-"),
-        (("--out", "x"), "--out x: nothing is made without a FIGURE"),
-        (("page", "--out", "/dev/null/x"), "--out /dev/null/x: Not a directory; choose another folder"),
-    ],
-)
-def test_bad_input_is_one_line(words: tuple[str, ...], says: str, run: Command) -> None:
-    refuses(run("reproduce", *words), says)
-
-
 @pytest.mark.processes
 def test_the_pictures_of_the_rules_come_out_the_same(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "fogwatch", "reproduce", "rules", "--out", str(tmp_path / "new")]
-    done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, text=True, check=False, timeout=600)
+    command = [sys.executable, *shlex.split(FIGURES["rules"]["command"])[1:], "--out", str(tmp_path / "new")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
-    assert "docs/pictures/rules.py: takes about 1 min of computing" in done.stdout
     ours = {path.name: path for path in (DOCS / "pictures/rules").glob("*.png")}
     assert {path.name for path in (tmp_path / "new").iterdir()} == set(ours)
     for name, path in ours.items():
@@ -101,11 +80,10 @@ NO_LIMIT = r"no limit \| ([\d.]+) ± ([\d.]+)"
 
 
 @pytest.fixture(name="clone")
-def make_clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def make_clone(tmp_path: Path) -> Path:
     (tmp_path / "docs" / "results").mkdir(parents=True)
     (tmp_path / "docs" / "results" / "radio.md").write_text(PAGE)
     (tmp_path / "measured.json").write_text(json.dumps({"mfow": [30.6, 51.2], "share": 0.55}))
-    monkeypatch.setattr(studies, "CLONE", tmp_path)
     return tmp_path
 
 
@@ -115,38 +93,40 @@ def samples(clone: Path, *given: dict[str, object]) -> None:
     (clone / "docs" / "results" / "samples.json").write_text(json.dumps(content))
 
 
-def test_a_number_beyond_its_interval_is_named(clone: Path, run: Command) -> None:
+def test_a_number_beyond_its_interval_is_named(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
     samples(clone, {"says": NO_LIMIT, "value": "stdout:mfow.0"}, {"says": NO_LIMIT, "value": "stdout:mfow.1"})
-    said = run("reproduce", "check")
-    assert said.code == 1
-    changed, same, count = said.out.splitlines()
+    assert main(root=clone) == 1
+    changed, same, count = capsys.readouterr().out.splitlines()
     assert changed.startswith("changed docs/results/radio.md: 50.4 (within 0.95), now 30.6: json.tool ")
     assert same.startswith("same    docs/results/radio.md: 50.4 (within 0.95), now 51.2: ")
     assert count == "1 of 2 numbers have changed"
 
 
-def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, run: Command) -> None:
+def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slow = {"says": r"(\d+) s in the mean", "value": "stdout:share", "scale": 100}
     samples(clone, slow)
-    assert "60 (within 6.5), now 55" in output(run("reproduce", "check", "radio"))
+    assert main("radio", clone) == 0
+    assert "60 (within 6.5), now 55" in capsys.readouterr().out
     samples(clone, {**slow, "within": 1})
-    assert run("reproduce", "check", "radio").code == 1
+    assert main("radio", clone) == 1
 
 
 @pytest.mark.parametrize(
-    ("sample", "words", "says"),
+    ("sample", "page", "says"),
     [
-        ({"says": "no such ([0-9]+)", "value": "stdout:share"}, [], "docs/results/radio.md: has no text like no such"),
-        ({"says": NO_LIMIT, "value": "stdout:nothing"}, [], "radio: stdout:nothing: no number there"),
-        ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool --x"]}, [], "json.tool --x: exit code"),
-        ({"says": NO_LIMIT, "value": "stdout:share"}, ["speed"], "speed: has no sample: times"),
-        ({"says": NO_LIMIT, "value": "stdout:share"}, ["radios"], "radios: no such page; did you mean radio?"),
+        (
+            {"says": "no such ([0-9]+)", "value": "stdout:share"},
+            None,
+            "docs/results/radio.md: has no text like no such",
+        ),
+        ({"says": NO_LIMIT, "value": "stdout:nothing"}, None, "radio: stdout:nothing: no number there"),
+        ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool --x"]}, None, "json.tool --x: exit code"),
+        ({"says": NO_LIMIT, "value": "stdout:share"}, "speed", "speed: no page of docs/results that has samples"),
     ],
 )
 def test_what_cannot_be_checked_is_one_line(
-    clone: Path, sample: dict[str, object], words: list[str], says: str, run: Command
+    clone: Path, sample: dict[str, object], page: str | None, says: str
 ) -> None:
     samples(clone, sample)
-    said = run("reproduce", "check", *words)
-    assert said.code == 2
-    assert says in said.err.splitlines()[-1]
+    with pytest.raises(SystemExit, match=says):
+        main(page, clone)

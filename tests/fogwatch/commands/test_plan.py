@@ -13,7 +13,7 @@ from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from runtime.process.lifeline import Ending
 from tests.cells import write_cells
-from tests.experiments.commands.conftest import Command, output, refuses
+from tests.command_line import Command, output, refuses
 
 BODY = ["--model", "holonomic", "--radius", "0.3", "--speed", "1", "--point", "0.5", "--sensor-range", "4"]
 
@@ -21,7 +21,7 @@ BODY = ["--model", "holonomic", "--radius", "0.3", "--speed", "1", "--point", "0
 @pytest.fixture(autouse=True)
 def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The command heeds signals for the rest of its process, which here is that of all tests."""
-    monkeypatch.setattr("experiments.commands.plan.heed", lambda *_, **__: Ending())
+    monkeypatch.setattr("fogwatch.commands.plan.heed", lambda *_, **__: Ending())
     monkeypatch.setenv("COLUMNS", "120")
 
 
@@ -123,7 +123,7 @@ def test_an_interrupted_plan_is_gone(rooms: str, run: Command, monkeypatch: pyte
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.plan.plan.run_in_process", interrupt)
+    monkeypatch.setattr("fogwatch.planning.plan.run_in_process", interrupt)
     assert run("plan", rooms, "--robots", "1", *BODY).code == 130
     assert not (tmp_path / "runs").exists()
 

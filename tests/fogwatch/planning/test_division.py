@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from experiments.plan import division
-from experiments.plan.division import Divider, Territory, longest_m, seen_along, shared_out
+from fogwatch.planning import division
+from fogwatch.planning.division import Divider, Territory, longest_m, seen_along, shared_out
 from patrol.graph import Graph, graph_of, tour_length
 from patrol.ground.fields import compute_fields
 from patrol.ground.fog import Fog

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from experiments.benchmark.matrix import robots_text
-from experiments.plan.plan import AgeKept, FleetPlan, FleetSize
+from fogwatch.planning.plan import AgeKept, FleetPlan, FleetSize
+from fogwatch.terminal.live_table import robots_text
 from monitor.tables.table import Table
 from patrol.measures.best_tour import NO_BOUND
 from patrol.scenario.assumptions import assumption_lines

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
+from fogwatch.cli.columns import drawn
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.run_options import Body, overrides_of, patrol_option, settings_option
@@ -22,7 +22,6 @@ from runtime.process.lifeline import heed
 from runtime.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
-    from experiments.plan.plan import FleetPlan
     from patrol.scenario import Scenario
 
 NOT_KEPT = 1
@@ -95,9 +94,12 @@ def plan(
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
-    from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
-    from experiments.plan.folder import plan_folder, write_plan
-    from experiments.plan.plan import SEEDS, make_plan
+    from fogwatch.planning.answer import (  # here: these import kernels, which are compiled first
+        answer_lines,
+        answer_table,
+    )
+    from fogwatch.planning.folder import plan_folder, write_plan
+    from fogwatch.planning.plan import SEEDS, make_plan
 
     folder = plan_folder(out, scenario.name)
     with naming(what, overridden):
@@ -109,7 +111,7 @@ def plan(
         shown.show("pictures", 0.0)
         write_plan(new_plan, folder)
     console = Console()
-    console.print(_plan_table(new_plan), highlight=False, markup=False)
+    console.print(drawn(answer_table(new_plan)), highlight=False, markup=False)
     for line in answer_lines(new_plan):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
@@ -118,24 +120,12 @@ def plan(
 
 def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
     """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
-    from experiments.plan.plan import planned_scenario  # here: these import kernels
     from fogwatch.grounds.scenario_notes import scenario_notes
+    from fogwatch.planning.plan import planned_scenario  # here: these import kernels
     from patrol.prepare import prepare
 
     planned = changed_scenario(planned_scenario(scenario), {"robots.count": most})
     return scenario_notes(prepare(planned))
-
-
-def _plan_table(plan: FleetPlan) -> Table:
-    from experiments.plan.answer import answer_table  # here: it imports kernels
-
-    answer = answer_table(plan)
-    table = Table(box=None, pad_edge=False, header_style="cyan")
-    for column, head in enumerate(answer.heads):
-        table.add_column(head, justify="right" if column in answer.numbers else "left")
-    for row in answer.rows:
-        table.add_row(*row)
-    return table
 
 
 def _read_numbers(text: str) -> range:

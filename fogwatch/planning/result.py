@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
-    from experiments.plan.plan import AgeKept, FleetPlan
+    from fogwatch.planning.plan import AgeKept, FleetPlan
 
 __all__ = ["PlanResult", "plan"]
 
@@ -54,14 +54,14 @@ class PlanResult:
     @property
     def answer(self) -> list[str]:
         """The plan's answer, in lines, as `fogwatch plan` prints it."""
-        from experiments.plan.answer import answer_lines
+        from fogwatch.planning.answer import answer_lines
 
         return list(answer_lines(self.plan))
 
     @property
     def facts(self) -> dict[str, Any]:
         """The content of plan.json (docs/plan.md)."""
-        from experiments.plan.plan import plan_facts
+        from fogwatch.planning.plan import plan_facts
 
         return plan_facts(self.plan)
 
@@ -88,7 +88,7 @@ class PlanResult:
         Raises:
             BadInput: matplotlib is not installed.
         """
-        from experiments.plan.folder import curve_figure
+        from fogwatch.planning.folder import curve_figure
 
         return curve_figure(self.plan)
 
@@ -99,7 +99,7 @@ class PlanResult:
 
     def _repr_html_(self) -> str:
         """Show the plan in a notebook: its table, and what it comes to."""
-        from experiments.plan.answer import answer_table
+        from fogwatch.planning.answer import answer_table
 
         return table_html(answer_table(self.plan)) + lines_html(self.answer)
 
@@ -157,8 +157,8 @@ def plan(
         raise BadInput(f"seeds = {seeds!r}: expected a number of runs, 1 or more")
     loaded = scenario_of(scenario, overrides)
     warm(("patrol", "agent", "worldsim"), lambda _: None, SELDOM)
-    from experiments.plan.folder import plan_folder, write_plan
-    from experiments.plan.plan import SEEDS, make_plan
+    from fogwatch.planning.folder import plan_folder, write_plan
+    from fogwatch.planning.plan import SEEDS, make_plan
 
     numbers = None if robots is None else _check_numbers(robots)
     folder = None if out is None else plan_folder(Path(out), loaded.name)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.plan import plan as module
-from experiments.plan.answer import answer_lines
-from experiments.plan.plan import AgeKept, FleetPlan, make_plan, plan_facts
 from fogwatch.inprocess import run_in_process
+from fogwatch.planning import plan as module
+from fogwatch.planning.answer import answer_lines
+from fogwatch.planning.plan import AgeKept, FleetPlan, make_plan, plan_facts
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario

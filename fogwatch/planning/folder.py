@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.benchmark.matrix import robots_text
-from experiments.plan.plan import FleetPlan, FleetSize, plan_facts
 from fogwatch.pictures.maps import COLOURS
+from fogwatch.planning.plan import FleetPlan, FleetSize, plan_facts
 from fogwatch.run_folder.runfolder import RUNS, untaken
+from fogwatch.terminal.live_table import robots_text
 from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from monitor.figures.style import ALERT, INK, MUTED, drawn, figure, write_figure
 from patrol.classes.class_file import class_file
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from experiments.plan.plan import AgeKept
+    from fogwatch.planning.plan import AgeKept
 
 
 def plan_folder(out: Path | None, name: str) -> Path:
