@@ -3,8 +3,6 @@
 Files are fuzzed elsewhere. `FOGWATCH_FUZZ_S` is how long the long version takes, in seconds; an hour unless set.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """Bodies: what each makes of the intents, on ground with walls; and that none is ever led into one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

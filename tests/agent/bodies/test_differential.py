@@ -1,7 +1,5 @@
 """A body with two driven wheels in doors, corridors and corners, alone and face to face with another."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A run that is judged again: the verdict of its journal, and where its summary says something else."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

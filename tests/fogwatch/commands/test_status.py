@@ -1,7 +1,5 @@
 """``fogwatch status`` at real routers, with processes that are there as far as anybody can see."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator

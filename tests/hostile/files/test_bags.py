@@ -1,7 +1,5 @@
 """Bags of strangers in MCAP: what stands for much is not unpacked, and what is damaged ends the reading."""
 
-from __future__ import annotations
-
 import resource
 import struct
 from collections.abc import Callable

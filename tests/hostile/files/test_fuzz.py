@@ -1,7 +1,5 @@
 """Whatever bytes a file holds, reading it gives a value or one line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

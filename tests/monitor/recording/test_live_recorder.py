@@ -1,7 +1,5 @@
 """A fleet that is recorded while it goes on: when that ends, and when what happened is said to have been."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages of a live recording, for the states of a source that is told here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The parts of a comparison, from values that are told here."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The numbers of a report are those of the run's summary, whatever went wrong in it."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A small table in each form that it is written in."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

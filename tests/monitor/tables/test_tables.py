@@ -1,7 +1,5 @@
 """The tables of a run, read by pandas from Parquet, give the numbers of its summary."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Times in ticks, and faults at the edges of what roster and duration allow."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

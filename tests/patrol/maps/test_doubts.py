@@ -1,7 +1,5 @@
 """Doubts about a map are raised from a documented share, grey or factor on: at it and just beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Commands, limits, fence and stops: what the robot is told."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A robot whose pose does not follow what it is told stands before it has gone far."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

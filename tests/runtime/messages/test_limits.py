@@ -1,7 +1,5 @@
 """Messages and views at the limits of their fields: the limit is taken, what is just beyond it is refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Both ends of the session: the effects of each message in each state, and the rules that no sequence breaks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The verdict on reach, delays, copies and reorderings, from the journal alone: each check passes, and can fail."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The verdict on the radio: a run with every radio fault at once is valid, and every check can fail."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The verdict's checks of keep-outs, slow zones, zones' times and closures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
