@@ -1,5 +1,4 @@
 import io
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,11 +73,6 @@ def test_one_line_says_how_far_and_how_fast() -> None:
     assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
 
 
-@pytest.mark.parametrize(("seconds", "words"), [(0.4, "0 s"), (75, "1 min 15 s"), (3700, "1 h 01 min")])
-def test_durations_as_people_say_them(seconds: float, words: str) -> None:
-    assert duration_text(seconds) == words
-
-
 def test_plain_lines_come_now_and_then() -> None:
     text = io.StringIO()
     plain = PlainDisplay(Console(file=text, width=80))
@@ -129,13 +123,6 @@ def test_a_terminal_gets_a_table_of_the_robots() -> None:
     shown = table.shown()
     for words in ("anna", "patrolling", "bert", "lost", "[news]", "tick 120/600"):
         assert words in shown
-
-
-def test_a_large_fleet_is_cut() -> None:
-    table = Terminal()
-    many = tuple(RobotView(f"r{number}", 1, "holding", 0.0, 0.0, 0.0) for number in range(1, 101))
-    table.metrics(Metrics(1, 2, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0, many))
-    assert re.search(r"^ *and 80 more robots *$", table.shown(), flags=re.MULTILINE)
 
 
 def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:

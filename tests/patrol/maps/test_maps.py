@@ -437,14 +437,6 @@ def test_an_inverted_image_is_noticed_by_its_unknown_ground(tmp_path: Path, unkn
         assert doubts_of(tmp_path, mapped, free_thresh=0.25) == []
 
 
-def test_a_jpeg_that_blurs_unknown_into_free_is_named(tmp_path: Path) -> None:
-    mapped = np.full((80, 80), 205, dtype=np.uint8)
-    mapped[21:61, 21:61] = WALLED
-    (doubt,) = doubts_of(tmp_path, mapped, image="plan.jpg")
-    assert doubt.startswith("plan.jpg: a JPEG, which blurs greys: ")
-    assert doubts_of(tmp_path, mapped, image="plan.png") == []
-
-
 def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path) -> None:
     wide = np.pad(np.full((398, 398), 254, dtype=np.uint8), 1)
     with pytest.raises(BadInput, match=r"no free point of 0\.2 m: negate = true.*make 1\.0 % of its cells free"):

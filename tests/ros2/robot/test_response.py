@@ -69,16 +69,6 @@ def test_one_that_is_blocked_ahead_and_gets_away_drives_on() -> None:
     assert not response.why
 
 
-@pytest.mark.parametrize("moved", [Pose(2.3, 5.0, 0.0), Pose(2.0, 5.0, 0.4)])
-def test_it_goes_on_when_its_pose_moves(moved: Pose) -> None:
-    response = Response(0.25, 0.1)
-    list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))
-    response.told(Twist(0.0, 0.0), Pose(2.05, 5.0, 0.01), PERIOD_S)
-    assert response.why
-    response.told(Twist(0.0, 0.0), moved, PERIOD_S)
-    assert not response.why
-
-
 def test_it_goes_on_when_somebody_releases_it_and_is_judged_anew() -> None:
     response = Response(0.25, 0.1)
     list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))

@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -102,19 +101,11 @@ REST: list[object] = [0.0, None, [], None, []]
         msgpack.packb({"kind": 1}),
         msgpack.packb([True, 1, 1, 0, 9]),
         msgpack.packb([1, 1.0, 1, 0, 9, b""]),
-        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65]]),
-        msgpack.packb([2, 1, 1, 0, 9, ["text"]]),
         msgpack.packb([1, 1, 1, 0, 9, [b"x"] * (MAX_FRAMES + 1)]),
         msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
-        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], *REST]),
-        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, math.nan], *REST]),
-        msgpack.packb([1, 1, 1, 0, 9, 1.0, math.nan, 3.0, False, [], *REST]),
-        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], math.inf, *REST[1:]]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), *REST]),
         msgpack.packb([2, 1, 1, 0, 9, [b"x"], b""]),
-        msgpack.packb([0, 1, 1, 0, -9]),
-        msgpack.packb([3, 1, 1, 0, 9, True, "\x1b[2J"]),
         msgpack.packb([4, 1, 1, 0, 9, 0]),
         msgpack.packb([4, 1, 1, 0]),
     ],
@@ -155,12 +146,6 @@ def test_a_long_reason_is_cut_to_what_fits() -> None:
     stop, failed = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000), Failed(1, 1, 0, 9, "x" * 5000)
     assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)
     assert decode_to_world(encode(failed)) == replace(failed, reason="x" * 400)
-
-
-@pytest.mark.parametrize("reason", ["\x1b[2J", "two\nlines", "x" * 401, 7, None, b"bytes"])
-def test_a_hostile_account_of_a_failure_is_malformed(reason: object) -> None:
-    with pytest.raises(Malformed):
-        decode_to_world(msgpack.packb([3, 1, 1, 0, 9, reason]))
 
 
 def test_a_phase_a_says_one_tick_only() -> None:
