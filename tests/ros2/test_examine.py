@@ -223,11 +223,11 @@ def test_stamps_that_an_agent_would_not_take_are_missing(form: Format, age_s: fl
 @pytest.mark.parametrize(
     ("age_s", "found"),
     [
-        (0.1, [(Level.OK, "0.10 s behind ours")]),
-        (0.11, [(Level.WARNING, "0.11 s behind ours")]),
-        (-0.1, [(Level.OK, "0.10 s ahead of ours")]),
-        (-0.11, [(Level.WARNING, "0.11 s ahead of ours")]),
-        (86400.0, [(Level.WARNING, "86400.00 s behind ours")]),
+        (0.1, [(Level.OK, "agrees with ours (100 ms)")]),
+        (0.11, [(Level.WARNING, "is 0.11 s behind ours")]),
+        (-0.1, [(Level.OK, "agrees with ours (-100 ms)")]),
+        (-0.11, [(Level.WARNING, "is 0.11 s ahead of ours")]),
+        (86400.0, [(Level.WARNING, "is 86400.00 s behind ours")]),
         (86401.0, []),  # the robot's time is that of a simulation
         (-86401.0, []),
     ],
@@ -238,7 +238,7 @@ def test_clocks_may_differ_by_a_tenth_of_a_second_and_simulated_ones_by_more_tha
     robot = Robot(RmwZenoh())
     for topic, message in (("/robot1/odom", ODOMETRY), ("/tf", PLACE), ("/map", MAP)):
         robot.sends(topic, message, age_s=age_s)
-    said = [(one.level, one.says.partition("the robot's clock is ")[2]) for one in robot.examined().findings]
+    said = [(one.level, one.says.partition("the robot's clock ")[2]) for one in robot.examined().findings]
     assert [(level, words.partition(",")[0]) for level, words in said if words] == found
 
 
