@@ -17,12 +17,11 @@ from tests.fleets import answer_so_far
 MB = 1 << 20
 
 
-def test_thinned_values_may_grow_and_so_may_records_of_larger_fleets() -> None:
+def test_thinned_values_may_grow() -> None:
     values = array("f", [1.0, 2.0, 3.0])
     found = feed.thinned(values, 2)
     values.append(4.0)
     assert found.tolist() == [1.0, 3.0]
-    assert feed.longest_record(1) < feed.longest_record(100) < feed.longest_record(1000) <= feed.MAX_BATCH
 
 
 @pytest.fixture
