@@ -22,6 +22,7 @@ from patrol.prepare import Prepared
 from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
+from tests.agent.plans import Says
 from tests.present import present
 
 RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
@@ -41,16 +42,6 @@ def walled() -> Terrain:
     return Terrain("walled", passable, 0.5)
 
 
-class Says:
-    """A policy that wants what a function says."""
-
-    def __init__(self, wants: Callable[[View], Intent]) -> None:
-        self._wants = wants
-
-    def decide(self, view: View) -> Intent:
-        return self._wants(view)
-
-
 @pytest.fixture(scope="module")
 def prepared() -> dict[str, Prepared]:
     """One robot on open ground, for each model."""
@@ -66,7 +57,7 @@ class Drives:
 
     def __init__(self, prepared: Prepared, wants: Intent | Callable[[View], Intent], pose: Pose = FIRST) -> None:
         self.mind: Mind = build_mind(prepared, 1)
-        self.mind.policy = Says(wants if callable(wants) else lambda _view: wants)
+        self.mind.policy = Says(wants)
         self.terrain = prepared.terrain
         self.pose = pose
         self.k = 0
