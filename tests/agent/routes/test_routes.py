@@ -1,7 +1,5 @@
 """Routes: lengths against Dijkstra's algorithm, and ways that bend where the wave's do."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
