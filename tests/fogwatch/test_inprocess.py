@@ -1,5 +1,7 @@
 """Fleets in one process: the trace depends on the scenario alone."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 
