@@ -441,8 +441,11 @@ def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.Monk
 GOOD = [LOSSY, BURSTS, LATER, *SERIES, {**NORMAL, "id": "far"}, WAITING]
 
 
+SEVERAL = (LOSSY, BURSTS, {**LOSSY, "rate": 0.6, "id": "more"})
+
+
 @pytest.mark.parametrize(
-    "faults", [*((one,) for one in GOOD), (LOSSY, BURSTS, {**LOSSY, "rate": 0.6, "id": "more"})], ids=len
+    "faults", [*((one,) for one in GOOD), SEVERAL], ids=lambda faults: f"{len(faults)} {faults[-1]['id']}"
 )
 def test_draws_that_are_as_asked_pass(run: Run, faults: tuple[dict[str, Any], ...]) -> None:
     world, journal = run(*faults, ticks=300)
