@@ -57,7 +57,7 @@ class Drives:
 
     def __init__(self, prepared: Prepared, wants: Intent | Callable[[View], Intent], pose: Pose = FIRST) -> None:
         self.mind: Mind = build_mind(prepared, 1)
-        self.mind.policy = Says(wants)
+        self.mind.policy = Says(wants if callable(wants) else lambda _view: wants)
         self.terrain = prepared.terrain
         self.pose = pose
         self.k = 0

@@ -1,5 +1,7 @@
 """The estimate of a sweep's time: runs are tried as they will be made, and what is loaded once does not count."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
