@@ -1,5 +1,7 @@
 """The verdict's checks of keep-outs, slow zones, zones' times and closures."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
