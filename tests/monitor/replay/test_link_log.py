@@ -58,6 +58,24 @@ def test_a_live_page_a_replay_a_report_and_the_summary_count_alike(seen: Seen, l
     assert of_summary(late, "in_flight").sum() > 0
 
 
+def test_frames_that_arrive_at_once_count_each_at_every_tick_in_any_order(late: Run) -> None:
+    log = RunLog(late)
+    delivered = np.zeros((3, 3), dtype=np.int64)
+    heard = np.full((3, 3), -1, dtype=np.int64)
+    wanted = []
+    for record in late.journal.ticks:
+        for source, to, _ in record.deliveries:
+            if source:
+                delivered[source - 1, to - 1] += 1
+                heard[source - 1, to - 1] = record.k
+        wanted.append((delivered.copy(), heard.copy()))
+    assert np.diff([one[0, 1] for one, _ in wanted]).max() > 1
+    for k in (159, 0, 63, 64, 127, 128, 5, *range(100, 140)):
+        links = at(log, k)
+        np.testing.assert_array_equal(links.delivered, wanted[k][0])
+        np.testing.assert_array_equal(links.heard, wanted[k][1])
+
+
 def test_contacts_count_as_in_the_summary(quiet: Any, tmp_path: Path) -> None:
     """Every robot also reports a contact in each tick, and everybody hears of it."""
 

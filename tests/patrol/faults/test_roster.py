@@ -38,6 +38,7 @@ def loaded(fault: dict[str, Any], robots: Any = 3, **more: Any) -> None:
         ({"kind": "kill", "who": "one", "at": 9.5}, {"at": 9.51}, "the run ends at 10 s"),
         ({"kind": "kill", "who": {"count": 3}}, {"who": {"count": 4}}, "there are 3 robots; give at most 3"),
         ({"kind": "partition", "groups": [["r1", "r2"]]}, {"groups": [["r1", "r2", "r3"]]}, "nobody is cut off"),
+        ({"kind": "partition", "groups": [["r1"], ["r2", "r3"]]}, {"groups": [["r1"], ["r2", "r1"]]}, "in group 0 too"),
         ({"kind": "spoof", "by": "r1", "as": ["r1", "r2"], "payload": "random"}, {"as": "r1"}, "victim is r1"),
         ({"kind": "spoof", "by": "r1", "as": ["r1", "r2"], "payload": "freeze"}, {"as": ["r1"]}, "victim is r1"),
     ],
