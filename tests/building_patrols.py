@@ -1,7 +1,5 @@
 """Short patrols of random buildings, and what is wrong with them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable

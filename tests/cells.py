@@ -1,7 +1,5 @@
 """Maps and masks of cells, as files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What every test shares: which run, how hypothesis searches, and that no process outlives the session."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Doors of maps as closures that open and close at random, for tests and measurements."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

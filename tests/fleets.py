@@ -1,7 +1,5 @@
 """Helpers of tests of whole fleets: a quick scenario, what a viewer is told, and processes one by one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

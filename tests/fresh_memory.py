@@ -1,7 +1,5 @@
 """Memory that a process did not have before."""
 
-from __future__ import annotations
-
 import mmap
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A disk that is full: no file of this process grows beyond a size."""
 
-from __future__ import annotations
-
 import resource
 import signal
 from collections.abc import Iterator

@@ -10,8 +10,6 @@ themselves, and a robot that the world has paused has to stay paused whatever is
 process go on when its tracer ends, so nothing stays stopped, however this process ends.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import csv

@@ -7,8 +7,6 @@ and the like for a process or a robot, a local variable whose name says nothing 
 counts, for example how many words a function's name has; they fail nothing.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

@@ -6,8 +6,6 @@ FOLDER holds a folder OWNER+NAME for each repository, with map files and images 
 written a second time, from `nav2_map_server/src/map_io.cpp`, and shares no code with `patrol.maps`.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

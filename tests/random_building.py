@@ -7,8 +7,6 @@ Results name buildings by their seed, so the same seed, radius and point must gi
 `STORED` lists those that are kept as maps; ``python -m tests.random_building`` draws them again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reads recordings back with mcap's own reader, also those that were cut off."""
 
-from __future__ import annotations
-
 import struct
 from collections import defaultdict
 from dataclasses import dataclass, field

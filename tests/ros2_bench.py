@@ -1,7 +1,5 @@
 """A simulated ROS 2 robot in this process and an agent in another, which meet at a real router."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

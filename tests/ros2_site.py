@@ -1,7 +1,5 @@
 """A ROS 2 robot's router that asks who comes, with the robot, its agent and others at it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar

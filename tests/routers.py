@@ -1,7 +1,5 @@
 """Routers on free ports, and worlds that are there as far as anybody can see."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A radio modem for each of several robots, made of pseudo-terminals: what one writes, all others read."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -1,7 +1,5 @@
 """What CI runs: a failure ends what runs beside it, and its log is printed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

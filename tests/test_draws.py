@@ -5,8 +5,6 @@ fault, a column for each tick or seed. Rows must have their distribution, and no
 column of the next.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from statistics import NormalDist

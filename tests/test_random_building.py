@@ -1,7 +1,5 @@
 """Random buildings, and a few short patrols of them; the long check is ``tests/accept/test_building_patrols.py``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -8,8 +8,6 @@ printed as ``path:line before -> after``. Some survivors change nothing that cou
 its kind.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

@@ -1,7 +1,5 @@
 """Two hundred short patrols of random buildings, with no settings but map, body and number: nobody is trapped."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st

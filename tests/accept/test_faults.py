@@ -4,8 +4,6 @@ Three seeds are a sample: a limit is broken where the whole 95 % interval lies b
 docs/results/faults.md.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -3,8 +3,6 @@
 One run, in turn, so that whatever else the machine does falls on all four.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import statistics

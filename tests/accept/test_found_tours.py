@@ -4,8 +4,6 @@ After a change of the search, `patrol.measures.best_tour.VERSION` has gone up an
 those in `patrol/tours/found`, run this, and take what it has left in the cache that it names.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

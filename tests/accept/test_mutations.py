@@ -4,8 +4,6 @@ World and verdict run the same broken code where they share any, so each case sh
 from the code that it judges.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping

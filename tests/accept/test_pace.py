@@ -1,7 +1,5 @@
 """The pace of a fleet of processes, on a machine that has nothing else to do."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator

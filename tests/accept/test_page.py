@@ -1,7 +1,5 @@
 """The page of a large fleet, watched for ten minutes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Promises of the patrol, measured: the paper's open field, a real floor plan, both ways equal at full length."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Promises of driving ROS 2 robots, measured: a pulled plug, and half an hour of three robots of three kinds."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

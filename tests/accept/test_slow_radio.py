@@ -1,7 +1,5 @@
 """On a slow radio, five robots in 1.2 kbit/s altogether patrol nearly as well as without a limit."""
 
-from __future__ import annotations
-
 from math import inf
 from pathlib import Path
 from statistics import mean

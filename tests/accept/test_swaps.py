@@ -1,7 +1,5 @@
 """A thousand swaps of two robots through corridors of one to two bodies' width: nearly all of them pass."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.swaps import PER_TEAM, TEAMS, swap

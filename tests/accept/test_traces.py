@@ -1,7 +1,5 @@
 """The trace hashes that are written down, run again: a change that moves one says so and writes them anew."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The tutorial's numbers are what its commands give, as it promises."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

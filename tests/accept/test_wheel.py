@@ -1,7 +1,5 @@
 """The built wheel in an empty environment without extras: what a robot installs, and how quickly its command begins."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

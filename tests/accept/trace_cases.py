@@ -9,8 +9,6 @@ and by the default patrol with three bodies under a few, at 0.5 m points, for 20
 x86-64 processors with AVX2 and FMA, with one Python, C library and lock file.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

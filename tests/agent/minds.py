@@ -1,7 +1,5 @@
 """Minds for tests: scenarios prepared on small terrains, and what robots sense on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -69,14 +69,13 @@ def prepared_in(
 
 
 class Says:
-    """A policy that always wants the same."""
+    """A policy that always wants the same, or what a function says."""
 
-    def __init__(self, intent: Intent) -> None:
-        self._intent = intent
+    def __init__(self, wants: Intent | Callable[[View], Intent]) -> None:
+        self._wants = wants
 
     def decide(self, view: View) -> Intent:
-        del view
-        return self._intent
+        return self._wants(view) if callable(self._wants) else self._wants
 
 
 P = TypeVar("P", bound=Policy)

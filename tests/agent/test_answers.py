@@ -1,7 +1,5 @@
 """Intents: those that a body can use pass, and all others stop their own robot with a line that says why."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

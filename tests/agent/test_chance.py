@@ -1,7 +1,5 @@
 """The chance of a fleet: one answer for those who hold the key, another for each other secret."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import pytest

@@ -1,7 +1,5 @@
 """The ticks that robots without a world count, whatever one member of their fleet says, in one process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field

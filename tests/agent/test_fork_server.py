@@ -1,7 +1,5 @@
 """The fork server loads all that its agents need: none loads kernels while others wait for its decision."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Robots of one's own: what is said of a scenario that they cannot patrol, and whose ticks they count."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """Times and contents of a robot's frames, where its fleet saves on its radio."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

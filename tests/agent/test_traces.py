@@ -3,8 +3,6 @@
 All of them: tests/accept/test_traces.py.
 """
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -6,8 +6,6 @@ Counted are, for a robot's tick: calls of functions, Python's and C's; points th
 keeping right and by free choice.
 """
 
-from __future__ import annotations
-
 import cProfile
 import json
 from collections.abc import Callable, Iterator, Mapping

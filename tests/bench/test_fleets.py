@@ -1,7 +1,5 @@
 """Fleets of benchmarks: scenarios like any other, and patrols that go where they go otherwise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace

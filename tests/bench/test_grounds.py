@@ -1,7 +1,5 @@
 """The grounds of benchmarks: the same each time, passable all round, and read back as they were written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

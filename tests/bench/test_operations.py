@@ -1,7 +1,5 @@
 """Decisions take as many operations as they did: at most a fifth more or less than what was written down."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """The rivals of our kernels: their results agree with ours where they are installed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The measurement of a router: all members hear all others, round by round."""
 
-from __future__ import annotations
-
 import pytest
 
 from bench import router

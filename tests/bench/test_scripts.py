@@ -1,7 +1,5 @@
 """The benchmarks as scripts: each measures something and writes what pyperf reads."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of results: ratios, what has none, and the heading."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyperf

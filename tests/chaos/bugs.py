@@ -5,8 +5,6 @@ that drop half as many frames as asked for are dropped in the same way by the et
 recomputes their fates; `losses` counts them.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Mapping

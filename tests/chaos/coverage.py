@@ -3,8 +3,6 @@
 A kind of fault is met where it began while a robot was alive. Two names form a pair where one run has met both.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from itertools import combinations

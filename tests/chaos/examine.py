@@ -4,8 +4,6 @@ No way may fail, every verdict must be valid, and all traces must be equal. A ru
 either way: `TooSlow`.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 import traceback

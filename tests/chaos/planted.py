@@ -4,8 +4,6 @@ python -m tests.chaos.planted >build/chaos/planted.jsonl         # all
 python -m tests.chaos.planted "a loss drops half as much"        # one
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

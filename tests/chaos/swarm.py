@@ -8,8 +8,6 @@ Theory of operation
     know the ground, such as doors, docks and zones. Sections that the caller sets are left as the caller sets them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path

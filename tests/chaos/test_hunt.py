@@ -1,7 +1,5 @@
 """The hunt itself: what it calls a breakage, what it writes, what it has never met, and planted faults."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

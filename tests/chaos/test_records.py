@@ -1,7 +1,5 @@
 """Faults planted into the records of runs as processes, for checks that only such runs call for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

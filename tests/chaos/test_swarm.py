@@ -1,7 +1,5 @@
 """Random scenarios: repeated by their seeds, each with half of everything, and settings as given."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The command lines in deploy/, as the programs that they start read them."""
 
-from __future__ import annotations
-
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from pathlib import Path

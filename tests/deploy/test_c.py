@@ -1,7 +1,5 @@
 """The C library for microcontrollers: the vectors that both it and Python obey, hostile bytes, and a fleet's radio."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

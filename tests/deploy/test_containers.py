@@ -1,7 +1,5 @@
 """The container file and the fleet of containers: they name what exists, and start what our programs can read."""
 
-from __future__ import annotations
-
 import json
 import re
 from argparse import Namespace

@@ -1,7 +1,5 @@
 """The layouts for Foxglove, Lichtblick and RViz: each topic that they show is there, with the type that it needs."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator

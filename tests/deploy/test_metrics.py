@@ -1,7 +1,5 @@
 """The dashboard and the alert rules: each names only metrics and labels that processes have."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """The files of a release: all name the version and the dependencies of pyproject.toml."""
 
-from __future__ import annotations
-
 import csv
 import re
 import tomllib

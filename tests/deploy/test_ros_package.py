@@ -1,7 +1,5 @@
 """The package that colcon builds: it can be read, names one version, and starts an agent with options that it has."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import sys

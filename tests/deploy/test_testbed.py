@@ -1,7 +1,5 @@
 """The test bed: what it refuses, and a fleet in network namespaces, where those are to be had (`make test-network`)."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The service units: their command lines can be read, they keep what they hold, and a hung process is restarted."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """A fleet of processes under a service manager's socket: each says that it is ready, and is silent once it hangs."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

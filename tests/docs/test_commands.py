@@ -1,7 +1,5 @@
 """The commands in the documents: each has a parser that takes its options and arguments."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

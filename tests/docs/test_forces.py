@@ -1,7 +1,5 @@
 """The forces with sliders, on a page without the site around them: they draw what robots compute."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

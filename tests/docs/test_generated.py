@@ -1,7 +1,5 @@
 """The generated parts of the reference: nothing that the code knows is missing."""
 
-from __future__ import annotations
-
 import functools
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 `make docs` executes the notebooks for the site.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import os

@@ -3,8 +3,6 @@
 `make docs` builds it, which checks all links between pages, and then runs these tests.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The example with bodies in MuJoCo: walls, contacts, odometry and a watchdog, with links in this process."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import math

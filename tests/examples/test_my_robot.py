@@ -1,7 +1,5 @@
 """The example of a robot of one's own: it patrols with two simulated ones, over a direct radio."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The example that trains a policy: its network is the weighted sum that it speaks of, and its scores repeat."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Outcomes of sweeps, as if every run had come to numbers that depend on its case and seed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from experiments.sweeps.plan import Plan

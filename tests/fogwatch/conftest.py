@@ -1,7 +1,5 @@
 """Runs as processes of their own, and what tests want to know of them."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The cases whose figures are pinned: small runs that together use most features, and what is asked of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -8,8 +8,6 @@ the files that they write, without wall-clock times. Like trace hashes they hold
 Python, C library and lock file (`tests.accept.trace_cases.made_on`).
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """The faults of a fleet that can be told from what a page would show of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

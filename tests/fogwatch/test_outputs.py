@@ -1,7 +1,5 @@
 """The figures that users read are those that are written down; a change that moves one says so and writes them anew."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

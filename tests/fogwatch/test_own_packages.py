@@ -1,7 +1,5 @@
 """A user's modules with the names of our packages, beside a script."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The three named patrols: what a name sets, and how runs name theirs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

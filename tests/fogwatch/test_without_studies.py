@@ -1,7 +1,5 @@
 """The core works where the studies are not installed, and says which extra brings them."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

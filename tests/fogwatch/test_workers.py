@@ -1,7 +1,5 @@
 """Fleets in several workers: what else there is to them than the same trace (`tests.fogwatch.test_inprocess`)."""
 
-from __future__ import annotations
-
 import os
 import signal
 from multiprocessing import active_children

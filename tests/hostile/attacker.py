@@ -4,8 +4,6 @@ The router keeps out whoever has none, and holds each role to its own keys. So t
 have got out, and only the operators' token has not.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

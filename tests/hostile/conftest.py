@@ -1,7 +1,5 @@
 """Fleets that are attacked while they run."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator

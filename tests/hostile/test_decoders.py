@@ -3,8 +3,6 @@
 Files are fuzzed elsewhere. `FOGWATCH_FUZZ_S` is how long the long version takes, in seconds; an hour unless set.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time
@@ -30,24 +28,9 @@ from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
 from patrol.wire import read, read_sparingly
+from runtime.messages import phases
 from runtime.messages.feed import MAX_ANSWER as MAX_SO_FAR
 from runtime.messages.feed import MAX_BATCH, Batch, batch_bytes, longest_record, read_so_far
-from runtime.messages.phases import (
-    MAX_REPLY,
-    Failed,
-    Farewell,
-    Hello,
-    HelloReply,
-    PhaseA,
-    PhaseB,
-    ReplyA,
-    ReplyB,
-    Stop,
-    decode_to_robot,
-    decode_to_world,
-    encode,
-    max_to_robot,
-)
 from runtime.messages.telemetry import (
     MAX_NOTICE,
     Metrics,
@@ -136,26 +119,26 @@ TELEMETRY = Telemetry(
 ONE, OF_CONTACT = (Position.of(number, 3, 1.5, POSE) for number in (1, CONTACT))
 DECODERS: Mapping[str, Decoder] = {
     "phases, to a robot": Decoder(
-        decode_to_robot,
+        phases.decode_to_robot,
         Malformed,
-        max_to_robot(ROBOTS),
+        phases.max_to_robot(ROBOTS),
         (
-            encode(Hello(*HEAD)),
-            encode(PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5))),
-            encode(PhaseB(*HEAD, (b"frame", b"other"))),
-            encode(Stop(*HEAD, orderly=True, reason="the run is over")),
+            phases.encode(phases.Hello(*HEAD)),
+            phases.encode(phases.PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5))),
+            phases.encode(phases.PhaseB(*HEAD, (b"frame", b"other"))),
+            phases.encode(phases.Stop(*HEAD, orderly=True, reason="the run is over")),
         ),
     ),
     "phases, to the world": Decoder(
-        decode_to_world,
+        phases.decode_to_world,
         Malformed,
-        MAX_REPLY,
+        phases.MAX_REPLY,
         (
-            encode(HelloReply(*HEAD, "a" * 64)),
-            encode(ReplyA(*HEAD, (b"frame",))),
-            encode(ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0))),
-            encode(Failed(*HEAD, "no plan")),
-            encode(Farewell(*HEAD)),
+            phases.encode(phases.HelloReply(*HEAD, "a" * 64)),
+            phases.encode(phases.ReplyA(*HEAD, (b"frame",))),
+            phases.encode(phases.ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0))),
+            phases.encode(phases.Failed(*HEAD, "no plan")),
+            phases.encode(phases.Farewell(*HEAD)),
         ),
     ),
     "batches": Decoder(

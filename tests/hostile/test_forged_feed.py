@@ -1,7 +1,5 @@
 """A stranger at an open router who sends what a world sends to viewers: they see the world's run all the same."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from dataclasses import replace

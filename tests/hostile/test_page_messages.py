@@ -1,7 +1,5 @@
 """What a page is sent over its WebSocket: it answers, or closes that one connection, and serves the others."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 

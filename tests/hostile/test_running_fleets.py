@@ -1,7 +1,5 @@
 """Fleets that are attacked by a member of their network while they run: none is disturbed, and each ends."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """A stranger beside a real fleet: what the door lets through, and single attacks at full length."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

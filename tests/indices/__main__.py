@@ -1,7 +1,5 @@
 """Run pytest in a process in which kernels are plain Python and their indices are checked."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

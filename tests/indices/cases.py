@@ -3,8 +3,6 @@
 Fleets on the smallest of grounds meet what an index may leave: windows at the rim, one point, one row, one robot.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

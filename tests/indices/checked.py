@@ -4,8 +4,6 @@ An index beyond the end is refused by Python itself, in lists and scratch arrays
 places in the source, `PLACES`, an index was ever used.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 from importlib.machinery import SourceFileLoader

@@ -1,7 +1,5 @@
 """No index leaves its array in any kernel: `cases.py`, in a process whose kernels refuse negative indices too."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Short runs, quiet and with faults, and what their worlds and minds held at chosen ticks."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Mapping

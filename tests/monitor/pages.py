@@ -1,7 +1,5 @@
 """A page served in this process, for tests to look at."""
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections.abc import Iterator

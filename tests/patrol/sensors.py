@@ -1,7 +1,5 @@
 """A user's cache folder of a test's own, for records of the sensors that the user runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The elementary functions against Python's, which are the C library's, whatever numpy does on this processor."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

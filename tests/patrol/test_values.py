@@ -1,7 +1,5 @@
 """The kinds of values of a scenario, at their limits, and the words in which others are refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The bytes of each message and record, as versions since 0.2 send and keep them."""
 
-from __future__ import annotations
-
 import json
 import tracemalloc
 import zlib

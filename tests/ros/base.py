@@ -7,8 +7,6 @@ It obeys a velocity on ``cmd_vel`` for at most four steps, and stands when none 
 standard output, with the true pose on the map, until SIGINT.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import json

@@ -1,7 +1,5 @@
 """A ROS graph of its own for each session: on this machine alone, in a domain that no other session has."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import socket

@@ -1,7 +1,5 @@
 """A ROS 2 robot in the office with its agent, each a process that can be killed and started again."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

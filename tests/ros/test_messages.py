@@ -1,7 +1,5 @@
 """The types of a real ROS 2, beside ours: the hashes that its publishers announce, and its messages in our codec."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import time

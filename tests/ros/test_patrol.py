@@ -3,8 +3,6 @@
 The tests of one module share a robot, each leaves it on patrol, and what it has done lies in ``build/ros``.
 """
 
-from __future__ import annotations
-
 import importlib
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The link of a node of ROS: what DDS matches, what the graph shows, what is not installed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

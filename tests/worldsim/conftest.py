@@ -1,7 +1,5 @@
 """Small worlds for the world's tests, and a fleet that drives at random."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Router, world and agents started one by one, as on several hosts, and what strangers send to them."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Requests under the key for controls: those of operators come through to the world, of others none."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence

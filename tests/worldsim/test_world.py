@@ -1,7 +1,5 @@
 """One tick after the other: what robots are told, what they hear, and what holds when they say nothing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The world's process: what it has opened is closed, whatever happens, and what it says fits how it was started."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

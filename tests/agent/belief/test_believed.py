@@ -1,7 +1,5 @@
 """The belief: fog from positions alone, its dilatation kept up to date, trails, and silent peers."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot's belief in blocked ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Dilatation against a brute force that walks the window of every point."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

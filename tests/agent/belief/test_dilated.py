@@ -1,7 +1,5 @@
 """Dilatation where it is read and where something changed, against dilating all of the fog anew."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

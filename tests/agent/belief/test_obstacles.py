@@ -1,7 +1,5 @@
 """Obstacles that one robot believes in: robots that it no longer hears, and what it has bumped into."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

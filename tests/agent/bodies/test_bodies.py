@@ -1,7 +1,5 @@
 """Bodies: what each makes of the intents, on ground with walls; and that none is ever led into one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -24,6 +22,7 @@ from patrol.prepare import Prepared
 from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
+from tests.agent.plans import Says
 from tests.present import present
 
 RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
@@ -41,16 +40,6 @@ def walled() -> Terrain:
     passable[30, :44] = False
     passable[:16, 44] = passable[16, 44:] = False
     return Terrain("walled", passable, 0.5)
-
-
-class Says:
-    """A policy that wants what a function says."""
-
-    def __init__(self, wants: Callable[[View], Intent]) -> None:
-        self._wants = wants
-
-    def decide(self, view: View) -> Intent:
-        return self._wants(view)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """A body with two driven wheels in doors, corridors and corners, alone and face to face with another."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -20,7 +18,7 @@ from patrol.pose import Pose, Twist, wrap
 from patrol.prepare import Prepared
 from patrol.scenario import RobotSpec
 from tests.agent.minds import STEP
-from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
+from tests.agent.plans import POINT, Robots, Says, cluttered, plan, prepared_in
 from tests.present import present
 
 RADIUS, SPEED = 0.3, 1.0
@@ -121,15 +119,6 @@ def test_a_direction_that_it_turned_to_is_taken_even_if_another_becomes_stronger
 # --- the steering alone ----------------------------------------------------------------------------------------------
 
 
-def cluttered(seed: int) -> Terrain:
-    """6 x 6 m with twelve blocks."""
-    dice = np.random.default_rng(seed)
-    passable = np.ones((60, 60), dtype=np.bool_)
-    for row, col, high, wide in dice.integers((0, 0, 1, 1), (56, 56, 12, 12), size=(12, 4)):
-        passable[row : row + high, col : col + wide] = False
-    return Terrain("blocks", passable, POINT)
-
-
 @settings(max_examples=60)
 @given(
     seed=st.integers(0, 10**6),
@@ -139,7 +128,7 @@ def cluttered(seed: int) -> Terrain:
 def test_whatever_it_steers_for_it_touches_no_wall_and_can_always_come_back(
     seed: int, body: tuple[float, float, float], moves: list[tuple[float, float, bool]]
 ) -> None:
-    terrain, (speed, heading, share) = cluttered(seed), body
+    terrain, (speed, heading, share) = cluttered(seed, (60, 60), 12, POINT), body
     reach = compute_fields(terrain, RADIUS, 3.0, True, []).cspace
     places = np.argwhere(reach)
     if not len(places):

@@ -1,7 +1,5 @@
 """Psi against its formula, and the goal: clipped to the free ground and moved away from obstacles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Robots that are about to meet pass each other on the right, or stop before they touch."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

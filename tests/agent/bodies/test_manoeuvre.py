@@ -1,7 +1,5 @@
 """Manoeuvres of cars and differential robots: three-point turns, ways out in reverse, ways round what is closed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Bodies on the way to a place: round closed ground, through a slanting slit, across a hall."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stand-offs: which role a robot takes that does not get on, and that two that block each other both come through."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Steering and the unstuck algorithm."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Trained networks: read, refused, and evaluated the same everywhere."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import sys

@@ -1,7 +1,5 @@
 """The choice of a target: the best point of the whole terrain, whatever box it is found in."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

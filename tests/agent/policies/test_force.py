@@ -1,7 +1,5 @@
 """The forces: Table 1, formula (1), their sums, and the horizon."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

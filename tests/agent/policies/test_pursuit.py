@@ -1,7 +1,5 @@
 """Pursuit: when a target is given up, when it counts as seen, and for how long its surroundings are left out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """On the round: the ground is kept as fresh as the tour promises, evenly spaced, and a death is made up for."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Rules that keep robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Spacing: robots are followed along the tour by where they are heard, spread over it, and wait for equal gaps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The patrol that draws: it sees everything, again and again, and somebody without its draws cannot tell where next."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Surrounding: places around an intruder, who takes which, and that everyone finds the same."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

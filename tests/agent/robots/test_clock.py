@@ -1,7 +1,5 @@
 """A fleet's ticks counted by the robot itself."""
 
-from __future__ import annotations
-
 import pytest
 
 from agent.robots.clock import KeptClock, epoch_of

@@ -1,7 +1,5 @@
 """The fake robot: it obeys for one step, and no wall lets it through."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

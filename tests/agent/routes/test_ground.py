@@ -1,7 +1,5 @@
 """The ground: what blocks it just now, and where a body joins it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

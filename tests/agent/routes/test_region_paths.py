@@ -1,7 +1,5 @@
 """Paths through regions against a plain Dijkstra, and patrols on them."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

@@ -1,8 +1,5 @@
 """Routes: lengths against Dijkstra's algorithm, and ways that bend where the wave's do."""
 
-from __future__ import annotations
-
-import heapq
 import math
 
 import numpy as np
@@ -16,6 +13,7 @@ from agent.routes.path_window import FAR
 from agent.routes.routes import Routes, Way
 from agent.routes.wave import Wave, paths_in
 from patrol.ground.terrain import Terrain
+from tests.patrol.ground.test_ways import dijkstra
 
 # Not the product's own, so that a wrong one there is noticed.
 LONGEST = 2**26
@@ -23,29 +21,6 @@ LONGEST = 2**26
 POINT = 0.5
 Grid = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
-
-
-def dijkstra(is_open: Grid, row: int, col: int) -> Grid:
-    """Lengths from one point to all, in hundredths of a point; FAR where no way leads."""
-    lengths = np.full(is_open.shape, np.inf)
-    lengths[row, col] = 0
-    heap = [(0, row, col)]
-    while heap:
-        length, r, c = heapq.heappop(heap)
-        if length > lengths[r, c]:
-            continue
-        for up in (-1, 0, 1):
-            for across in (-1, 0, 1):
-                nr, nc = r + up, c + across
-                if not (0 <= nr < is_open.shape[0] and 0 <= nc < is_open.shape[1]) or not is_open[nr, nc]:
-                    continue
-                if not (is_open[r, nc] and is_open[nr, c]):
-                    continue  # it would cut a corner
-                new = length + (141 if up and across else 100)
-                if new < lengths[nr, nc]:
-                    lengths[nr, nc] = new
-                    heapq.heappush(heap, (new, nr, nc))
-    return lengths
 
 
 def grid_of(seed: int) -> tuple[Grid, tuple[int, int]]:
@@ -72,7 +47,7 @@ def centre(row: int, col: int) -> tuple[float, float]:
 def test_lengths_are_those_of_the_shortest_ways_and_within_leaves_out_what_is_farther(seed: int, within: float) -> None:
     is_open, (row, col) = grid_of(seed)
     _, routes = routes_of(is_open)
-    hundredths = dijkstra(is_open, row, col)
+    hundredths = dijkstra(is_open, (row, col))
     expected = np.where(hundredths <= round(100.0 * within / POINT), hundredths * POINT / 100.0, np.inf)
     assert routes.lengths(centre(row, col), within) == pytest.approx(expected, rel=1e-12)
     assert routes.lengths(centre(row, col)) == pytest.approx(hundredths * POINT / 100.0, rel=1e-12)
@@ -89,7 +64,7 @@ def test_lengths_lead_round_what_is_in_the_way_now(seed: int) -> None:
     ground.begin([(float(x), float(y), 1.2)])
     left = ground.open_now.copy()
     if left[row, col]:
-        assert routes.lengths(centre(row, col)) == pytest.approx(dijkstra(left, row, col) * POINT / 100.0, rel=1e-12)
+        assert routes.lengths(centre(row, col)) == pytest.approx(dijkstra(left, (row, col)) * POINT / 100.0, rel=1e-12)
     ground.begin([])
     assert np.array_equal(routes.lengths(centre(row, col)), free)
 
@@ -100,9 +75,9 @@ def test_from_within_what_is_closed_the_ground_is_as_it_is_without_it() -> None:
     ground, routes = routes_of(is_open)
     ground.begin([(10.0, 5.0, 3.0)])
     assert not ground.open_now[10, 20]
-    assert routes.lengths((10.25, 5.25)) == pytest.approx(dijkstra(is_open, 10, 20) * POINT / 100.0, rel=1e-12)
+    assert routes.lengths((10.25, 5.25)) == pytest.approx(dijkstra(is_open, (10, 20)) * POINT / 100.0, rel=1e-12)
     # Others go round it still.
-    round_it = dijkstra(ground.open_now.copy(), 2, 2) * POINT / 100.0
+    round_it = dijkstra(ground.open_now.copy(), (2, 2)) * POINT / 100.0
     assert routes.lengths((1.25, 1.25)) == pytest.approx(round_it, rel=1e-12)
     assert np.isinf(round_it[10, 20])
 
@@ -170,11 +145,11 @@ def test_an_expected_length_saves_work_and_changes_no_way(seed: int, density: fl
 def test_a_way_to_what_cannot_be_reached_leads_to_the_nearest_that_can(seed: int) -> None:
     is_open, (row, col) = grid_of(seed)
     ground, routes = routes_of(is_open)
-    reached = np.argwhere(np.isfinite(dijkstra(is_open, row, col)))
-    for r, c in np.argwhere(np.isinf(dijkstra(is_open, row, col)))[::7]:
+    reached = np.argwhere(np.isfinite(dijkstra(is_open, (row, col))))
+    for r, c in np.argwhere(np.isinf(dijkstra(is_open, (row, col))))[::7]:
         way = routes.way((row + 1, col + 1), (int(r) + 1, int(c) + 1), expected=100)
         there = ground.terrain.point_at(*way.place)
-        assert np.isfinite(dijkstra(is_open, row, col)[there])
+        assert np.isfinite(dijkstra(is_open, (row, col))[there])
         nearest = np.sqrt(((reached - (r, c)) ** 2).sum(axis=1)).min()
         assert math.dist(there, (r, c)) == pytest.approx(nearest)
 

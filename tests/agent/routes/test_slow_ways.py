@@ -1,7 +1,5 @@
 """The time that slow zones cost on ways to a place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

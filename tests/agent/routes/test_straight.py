@@ -1,7 +1,5 @@
 """Straight paths: the line to every patrolled point, and to nothing else."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Places to wait: others get past a robot that stands there, through doors and along corridors."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The wave against scipy's Dijkstra and against its own rules in plain Python, and the bearings of its paths."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

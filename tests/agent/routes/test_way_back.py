@@ -1,7 +1,5 @@
 """The way back to the reachable points: from pockets and slits, and from nowhere else."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """The runs of the benchmark: conditions are the faults that they say, and texts give the cells."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The figures that only the benchmark has show the means of their cells."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

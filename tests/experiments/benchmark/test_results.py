@@ -1,7 +1,5 @@
 """A tiny benchmark in this process: its tables hold the numbers of its runs."""
 
-from __future__ import annotations
-
 import csv
 import io
 from itertools import product

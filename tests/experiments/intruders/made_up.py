@@ -1,7 +1,5 @@
 """Patrols that are made up: robots that are somewhere in each tick, on open ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The infiltration game on patrols with known answers."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

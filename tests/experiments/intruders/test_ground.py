@@ -1,7 +1,5 @@
 """The intruder's points on maps made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

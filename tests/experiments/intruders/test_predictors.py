@@ -1,7 +1,5 @@
 """Predictors on patrols whose future is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Sightings written down for the moving intruder: on which runs, where it enters, and what it wants."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

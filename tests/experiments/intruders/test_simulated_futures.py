@@ -1,7 +1,5 @@
 """The futures of a fleet with a key: the key gives the true one, and another secret another one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Intruder games against what counting by hand, and a plain loop, give."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The planned way against a plain search over points and ticks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's tables: every cell can be run, every printed value is there, and ours are put beside them right."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Robots on graphs: they visit every vertex, hear of others' visits, and outlive them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

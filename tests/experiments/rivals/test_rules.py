@@ -6,8 +6,6 @@ The robot is at 1, at time 100 s. The vertices were visited at 60, 100, 20 and 9
 own visits alone they have been idle for 70, 0, 60 and 80 s.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Means in figures: where each dot, curve and label lies."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

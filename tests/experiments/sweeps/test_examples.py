@@ -1,7 +1,5 @@
 """The sweeps in examples/sweeps: each can be planned, and those of faults compare what they say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The figures of a sweep: which there are, and that they show the numbers and name the test."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of a sweep for a paper: its columns, what its caption says, and columns that are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

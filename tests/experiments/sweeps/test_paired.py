@@ -1,7 +1,5 @@
 """Paired tests: what they compare, and p-values that can be looked up."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Sweep files: what is to be run, and what is wrong with them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sweeps from Python: what `fogwatch sweep` gives, as tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results on disk: nothing is lost but a torn last line, and no damage is passed over."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

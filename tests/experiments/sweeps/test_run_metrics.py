@@ -1,7 +1,5 @@
 """Figures of a run that its summary does not have: belief against truth, and the shares of intruder games."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The command where its surroundings are bad: no output, no room, few files, no UTF-8, a signal while it loads."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Tables side by side: none is wider than the terminal, and nothing in them is cut."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

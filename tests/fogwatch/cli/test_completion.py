@@ -1,7 +1,5 @@
 """Completion of a command line by the shell."""
 
-from __future__ import annotations
-
 import pytest
 from typer.testing import CliRunner
 

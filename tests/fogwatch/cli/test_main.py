@@ -1,7 +1,5 @@
 """A robot's own command begins quickly: it loads nothing that a robot does not need."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

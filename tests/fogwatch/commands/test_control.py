@@ -1,7 +1,5 @@
 """The controls that words of a command line stand for."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """``fogwatch fleet``: members made, added, revoked and checked, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A run that is judged again: the verdict of its journal, and where its summary says something else."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -274,10 +272,6 @@ def test_a_journal_with_one_strange_value_is_judged_or_refused(ran: Path, shell:
         said = shell("judge", folder)
         assert "Traceback" not in said.err
         assert said.code in (0, 1, 2) or (said.code == 3 and "unknown" in said.out), said
-
-
-def test_what_is_no_run_is_bad_input(refused: Refused) -> None:
-    assert "no such folder" in refused("judge", "none")
 
 
 def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> None:

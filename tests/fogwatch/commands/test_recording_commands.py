@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import errno
 import fcntl
 import io
@@ -106,6 +104,7 @@ def test_a_comparison_that_takes_long_says_how_far_it_is(
     [
         (["report", "."], "holds no file journal"),
         (["record", "."], "holds no file journal"),
+        (["judge", "nowhere"], "no such folder"),
         (["report", "RUN/recording.mcap"], "is a file; name the run's folder"),
         (["record"], "name a run's folder, or --router and --fleet"),
         (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),

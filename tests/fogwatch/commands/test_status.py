@@ -1,7 +1,5 @@
 """``fogwatch status`` at real routers, with processes that are there as far as anybody can see."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator
@@ -20,17 +18,8 @@ from runtime.net.link import open_link
 from runtime.process.lifeline import Ending
 from runtime.security.credentials import Credentials
 from runtime.security.keys import FleetKeys, fleet_keys
+from tests import routers
 from tests.fogwatch.conftest import Refused, Shell
-from tests.routers import (
-    PATIENCE_S,
-    await_seen,
-    free_endpoint,
-    guarded_by_certificates,
-    make_local_fleet,
-    needs_openssl,
-    routed,
-    write_access,
-)
 
 FRAME = encode(Position.of(1, 1, 0.0, Pose(2.0, 3.0, 0.0)))
 
@@ -38,7 +27,7 @@ FRAME = encode(Position.of(1, 1, 0.0, Pose(2.0, 3.0, 0.0)))
 @contextmanager
 def robot(router: str, keys: FleetKeys, credentials: Credentials | None = None) -> Iterator[None]:
     """The robot r1, which sends its position all the time."""
-    link = open_link(router, PATIENCE_S, credentials=credentials)
+    link = open_link(router, routers.PATIENCE_S, credentials=credentials)
     send, over = link.publisher(keys.position("r1")), threading.Event()
 
     def speak() -> None:
@@ -48,13 +37,13 @@ def robot(router: str, keys: FleetKeys, credentials: Credentials | None = None) 
     speaking = threading.Thread(target=speak)
     try:
         link.live(keys.alive("r1"))
-        await_seen(link, keys.alive("r1"))
+        routers.await_seen(link, keys.alive("r1"))
         speaking.start()
         yield
     finally:
         over.set()
         speaking.join()
-        assert link.close(PATIENCE_S)
+        assert link.close(routers.PATIENCE_S)
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +60,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def test_robots_without_a_world(shell: Shell, scenario: Path) -> None:
-    with routed() as where, robot(where, fleet_keys("real-1")):
+    with routers.routed() as where, robot(where, fleet_keys("real-1")):
         of = ("--router", where, "--fleet", "real-1", "--scenario", scenario)
         said = shell("status", *of, "--seconds", "2", "--json")
         assert "give --scenario FILE for robots without a world" in shell("status", *of[:4], "--wait", "0.1").err
@@ -84,12 +73,15 @@ def test_robots_without_a_world(shell: Shell, scenario: Path) -> None:
     assert (r2["name"], r2["status"], r2["wrong"]) == ("r2", "absent", "is not there")
 
 
-@needs_openssl
+@routers.needs_openssl
 def test_a_viewer_of_a_closed_fleet(tmp_path: Path, shell: Shell, scenario: Path) -> None:
-    fleet = make_local_fleet(tmp_path / "f", ["r1"])
+    fleet = routers.make_local_fleet(tmp_path / "f", ["r1"])
     scenario.write_text("terrain: {builtin: open}\npoint: 1\nrobots: {count: 1}\n", encoding="utf-8")
     of = ("--credentials", tmp_path / "f" / "viewer", "--scenario", scenario)
-    with guarded_by_certificates(fleet) as where, robot(where.router, where.keys, where.credentials["robot-r1"]):
+    with (
+        routers.guarded_by_certificates(fleet) as where,
+        robot(where.router, where.keys, where.credentials["robot-r1"]),
+    ):
         said = shell("status", *of, "--seconds", "2")
     assert said.code == 0
     assert "r1     alive" in said.out
@@ -102,20 +94,20 @@ def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
         assert said.code == 2
         return said.err
 
-    with routed() as where:
+    with routers.routed() as where:
         fleet = ("--router", where, "--fleet", "real-1")
         none = (
             f"no world of this fleet answers at {where}; check both, or give --scenario FILE for robots without a world"
         )
         assert none in refused(*fleet)
         assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
-        write_access(tmp_path, where)
+        routers.write_access(tmp_path, where)
         assert none in refused(tmp_path), "without a scenario it may be an operator's of robots without a world"
         (tmp_path / "scenario.yaml").write_text("terrain: {builtin: open}\n", encoding="utf-8")
         of_run = refused(tmp_path)
         assert f"its world does not answer at {where}; if it has just been started, look again" in of_run
         assert "--scenario" not in of_run
-    assert "no router answers" in refused("--router", free_endpoint(), "--fleet", "real-1")
+    assert "no router answers" in refused("--router", routers.free_endpoint(), "--fleet", "real-1")
 
 
 class Looks:

@@ -1,7 +1,5 @@
 """The agreement of two maps, and transforms by landmarks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs on a map with another origin: robots and world do the same there, only elsewhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

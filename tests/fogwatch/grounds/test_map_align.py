@@ -1,7 +1,5 @@
 """The place of one map on another, by landmarks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

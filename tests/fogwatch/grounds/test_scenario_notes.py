@@ -1,7 +1,5 @@
 """Notes on a scenario that are shown before a run, and the map check's lines about closures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whole fleets among doors and boxes that close."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whole fleets among robots that have died, paused or are heard late: nothing is bumped into again and again."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Minds of one process that share beliefs do and believe what they would do and believe each by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

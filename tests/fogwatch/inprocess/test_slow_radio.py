@@ -1,7 +1,5 @@
 """Fleets that save on their radio: what robots believe, how they predict each other, and that runs repeat."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Whole fleets that find an intruder, stand around it, and patrol on when it is gone."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

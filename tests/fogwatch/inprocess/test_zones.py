@@ -1,7 +1,5 @@
 """Whole fleets on ground with zones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

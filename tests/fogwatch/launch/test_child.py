@@ -1,7 +1,5 @@
 """A child in words, by its exit code and its log, and how children are ended; none of them is a process."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

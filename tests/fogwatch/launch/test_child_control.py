@@ -1,7 +1,5 @@
 """The launcher's side of process control: real processes, stopped, killed and waited for."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Children of the launcher that report their start on a pipe."""
 
-from __future__ import annotations
-
 import signal
 import socket
 from collections.abc import Iterator

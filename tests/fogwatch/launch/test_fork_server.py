@@ -1,7 +1,5 @@
 """Agents from the fork server are processes of their own, children of whoever asked, and know nothing of each other."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -1,7 +1,5 @@
 """The launcher starts agents from the fork server or by themselves, and waits for nothing when stopped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A page that dies is served again where it was, also when nobody had looked yet whether it was ready."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The secrets of a run in a folder of its own, and folders of launchers that are gone."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -1,7 +1,5 @@
 """The environment of one robot: Gymnasium's rules."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The environment of a fleet: PettingZoo's rules, and the same world as any run."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

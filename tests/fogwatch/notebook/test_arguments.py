@@ -1,7 +1,5 @@
 """Arguments of the functions for notebooks: errors of one line, and NumPy's values."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs and tables as notebooks show them."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re

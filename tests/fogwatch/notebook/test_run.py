@@ -1,7 +1,5 @@
 """Runs as notebooks see them: finished ones, killed ones, and what they show."""
 
-from __future__ import annotations
-
 import fcntl
 import io
 import json

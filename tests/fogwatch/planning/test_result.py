@@ -1,7 +1,5 @@
 """Plans from Python: what `fogwatch plan` gives, as tables and figures."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

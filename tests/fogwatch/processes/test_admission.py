@@ -1,7 +1,5 @@
 """A running fleet: who gets in, what can be read of its secrets, and fleets of several machines from start to end."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

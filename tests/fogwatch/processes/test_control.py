@@ -1,7 +1,5 @@
 """An operator's controls on real fleets over Zenoh: done between ticks, in the journal, replayed to the same trace."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Process faults on real processes over real Zenoh: the same trace as in one, and nothing left behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Features in fleets of processes: what robots sense of them goes over the wire; the trace is that of one process."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

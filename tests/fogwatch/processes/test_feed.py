@@ -1,7 +1,5 @@
 """Watching real fleets over Zenoh: from the start or late, with a world or without, at no cost to the ticks."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

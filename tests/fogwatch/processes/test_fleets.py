@@ -1,7 +1,5 @@
 """Whole fleets as real processes over real Zenoh: what they do when everything is well, and when something dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable

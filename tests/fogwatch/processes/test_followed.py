@@ -3,8 +3,6 @@
 Router, world, two agents and a page, started one by one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

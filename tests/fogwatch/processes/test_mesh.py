@@ -1,7 +1,5 @@
 """A mesh with a world, started by hand, when a robot's process is killed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Code of one's own in fleets of processes: the trace is that of one process, and failures are one line."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

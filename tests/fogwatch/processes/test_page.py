@@ -1,7 +1,5 @@
 """The page of a fleet of real processes, driven by its buttons in a real browser."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

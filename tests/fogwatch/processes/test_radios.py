@@ -1,7 +1,5 @@
 """Every fault of the radio at once over real Zenoh: the same trace as in one process, and the bytes on the wire."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A fleet of real processes is recorded while it goes on, and by whom it is killed."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Fleets in bad surroundings: a full disk, a run folder that is moved away, and a router that stands still."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

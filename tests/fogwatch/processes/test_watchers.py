@@ -1,7 +1,5 @@
 """Viewers of a fleet of real processes: during ticks that are long, stopped in the middle, or killed."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The state of a run whose folder is read: still going on, or ended."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

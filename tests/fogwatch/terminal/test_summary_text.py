@@ -1,7 +1,5 @@
 """The lines in which a run's summary is printed."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The check of policies: what passes, and one broken policy for each rule."""
 
-from __future__ import annotations
-
 import itertools
 import random  # noqa: TID251 - what a policy must not use
 import time

@@ -1,7 +1,5 @@
 """The check of robots: the shipped ones pass, and one broken robot for each rule."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

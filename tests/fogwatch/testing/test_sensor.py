@@ -1,7 +1,5 @@
 """The check of sensors: the shipped ones pass, and one broken sensor for each rule."""
 
-from __future__ import annotations
-
 import itertools
 import random  # noqa: TID251 - what a sensor must not use
 from dataclasses import replace

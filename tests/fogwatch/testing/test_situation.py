@@ -1,7 +1,5 @@
 """Situations drawn for tests of a policy: the view is that of a mind, with the ages and robots of the drawing."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

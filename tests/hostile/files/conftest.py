@@ -1,7 +1,5 @@
 """A run folder with everything in it, and the command."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What commands make of files, as calls; and what tests expect of a call."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

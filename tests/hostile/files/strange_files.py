@@ -1,7 +1,5 @@
 """Files as a stranger may write them: real ones, changed."""
 
-from __future__ import annotations
-
 import copy
 import json
 import struct

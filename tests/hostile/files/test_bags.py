@@ -1,7 +1,5 @@
 """Bags of strangers in MCAP: what stands for much is not unpacked, and what is damaged ends the reading."""
 
-from __future__ import annotations
-
 import resource
 import struct
 from collections.abc import Callable
@@ -50,6 +48,7 @@ CUT: dict[str, Callable[[], bytes]] = {
     "a record longer than the file": lambda: record(MESSAGE, b"abc", 1 << 62),
     "a record of all lengths": lambda: record(MESSAGE, b"abc", (1 << 64) - 1),
     "a record without content": lambda: record(MESSAGE, b""),
+    "a record of no kind": lambda: record(0, b""),
     "a message shorter than its head, and much behind it": lambda: record(MESSAGE, bytes(21)) + LARGE,
     "an index of more entries than its record": lambda: record(MESSAGE_INDEX, struct.pack("<HI", 1, 1 << 31)) + LARGE,
     "an attachment longer than its record": lambda: record(

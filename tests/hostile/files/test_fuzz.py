@@ -1,7 +1,5 @@
 """Whatever bytes a file holds, reading it gives a value or one line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -27,16 +25,8 @@ from patrol.maps.load import read_terrain
 from patrol.scenario import load_scenario
 from runtime.security.access import read_access
 from runtime.security.private_files import fleet_key
+from tests.hostile.files import strange_files
 from tests.hostile.files.looks import as_json, looked_at, value_or_line
-from tests.hostile.files.strange_files import (
-    VALUES,
-    changed,
-    places_in,
-    records_of,
-    strange_bytes,
-    strange_journal,
-    strange_value,
-)
 
 SWEEP = "base: {terrain: {builtin: open}, point: 2, duration: 10}\ngrid: {robots.count: [1, 2]}\nseeds: [1, 2]\n"
 
@@ -59,12 +49,12 @@ def case(contents: st.SearchStrategy[bytes], file: Path, *reads: Callable[[], ob
 
 
 def strange_json(file: Path, says: Any) -> st.SearchStrategy[bytes]:
-    return strange_bytes(file.read_bytes()) | strange_value(says).map(as_json)
+    return strange_files.strange_bytes(file.read_bytes()) | strange_files.strange_value(says).map(as_json)
 
 
 def of_journal(run: Path) -> Case:
     file = run / "journal"
-    return case(strange_journal(file.read_bytes()), file, lambda: looked_at(run))
+    return case(strange_files.strange_journal(file.read_bytes()), file, lambda: looked_at(run))
 
 
 def of_summary(run: Path) -> Case:
@@ -81,7 +71,9 @@ def of_scenario(run: Path) -> Case:
 
 def of_map(run: Path) -> Case:
     files = run / "map" / "hall.yaml", run / "map" / "hall.pgm"
-    honest, strange = zip(*((st.just(f.read_bytes()), strange_bytes(f.read_bytes())) for f in files), strict=True)
+    honest, strange = zip(
+        *((st.just(f.read_bytes()), strange_files.strange_bytes(f.read_bytes())) for f in files), strict=True
+    )
     contents = st.tuples(honest[0], strange[1]) | st.tuples(strange[0], honest[1]) | st.tuples(*strange)
     return Case(contents, files, (lambda: read_terrain(files[0], 1.0),))
 
@@ -96,7 +88,7 @@ def of_bag(run: Path) -> Case:
         finally:
             shutil.rmtree(maps, ignore_errors=True)
 
-    return case(strange_bytes(file.read_bytes()), file, read)
+    return case(strange_files.strange_bytes(file.read_bytes()), file, read)
 
 
 def of_sweep(run: Path) -> Case:
@@ -108,13 +100,13 @@ def of_sweep(run: Path) -> Case:
         with open_results(run):
             pass
 
-    contents = st.tuples(strange_bytes(SWEEP.encode()), strange_bytes(line * 3))
+    contents = st.tuples(strange_files.strange_bytes(SWEEP.encode()), strange_files.strange_bytes(line * 3))
     return Case(contents, files, (lambda: read_plan(files[0]), read))
 
 
 def of_key_or_access(run: Path) -> Case:
     access = {"fleet": "yards-1", "router": "tcp/127.0.0.1:7447", "token": "t" * 32}
-    contents = st.binary(max_size=200) | strange_value(access).map(as_json)
+    contents = st.binary(max_size=200) | strange_files.strange_value(access).map(as_json)
     file = run / "file"
     return case(contents, file, lambda: fleet_key(file), lambda: read_access(file, "--access"))
 
@@ -139,10 +131,10 @@ def test_no_file_gives_anything_but_a_value_or_a_line(
 
 @often
 def test_no_record_gives_anything_but_a_value_or_a_value_error(examples: int, run_folder: Path) -> None:
-    payloads = records_of((run_folder / "journal").read_bytes())
+    payloads = strange_files.records_of((run_folder / "journal").read_bytes())
 
     @fuzz(max_examples=10 * examples)
-    @given(st.sampled_from(payloads).flatmap(strange_bytes) | st.binary(max_size=64))
+    @given(st.sampled_from(payloads).flatmap(strange_files.strange_bytes) | st.binary(max_size=64))
     def check(payload: bytes) -> None:
         with suppress(ValueError):
             unpack(payload)
@@ -152,12 +144,12 @@ def test_no_record_gives_anything_but_a_value_or_a_value_error(examples: int, ru
 
 def test_every_place_of_a_tick_is_checked(strange: Path) -> None:
     """Each strange value in each place of a tick, an event, the header and the end."""
-    payloads = records_of((strange / "journal").read_bytes())
+    payloads = strange_files.records_of((strange / "journal").read_bytes())
     ticks = [one for one in payloads if one[1:11] == b"\xa4type\xa4tick"]
     chosen = [ticks[len(ticks) // 2], *[one for one in payloads if one not in ticks][1:3], payloads[-1]]
     for payload in chosen:
         record = msgpack.unpackb(payload, strict_map_key=False)
-        for place in places_in(record):
-            for value in VALUES:
+        for place in strange_files.places_in(record):
+            for value in strange_files.VALUES:
                 with suppress(ValueError):
-                    unpack(msgpack.packb(changed(record, place, value)))
+                    unpack(msgpack.packb(strange_files.changed(record, place, value)))

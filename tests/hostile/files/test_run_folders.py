@@ -1,7 +1,5 @@
 """Run folders of strangers: a result, or one line."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

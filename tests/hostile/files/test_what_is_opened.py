@@ -1,7 +1,5 @@
 """Only regular files of a bearable size are read, and none takes much memory."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

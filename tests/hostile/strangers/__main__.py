@@ -10,8 +10,6 @@ lockstep the trace is that of the fleet without a stranger. A stranger with a ro
 and make the run invalid, if the verdict names that robot and no other.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Attacks of somebody who holds no secret: a router's port, and what can be done to it without getting in."""
 
-from __future__ import annotations
-
 import json
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Whether a fleet has held out against its stranger: what is seen of a spell, and what is wrong with it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

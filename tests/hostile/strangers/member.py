@@ -1,7 +1,5 @@
 """Attacks of somebody who was let in, as a viewer or as one robot, and who does not keep to what that role is for."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """What a stranger sends: noise, changed copies of genuine messages, and well-formed messages that lie."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import struct

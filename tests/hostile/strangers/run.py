@@ -1,7 +1,5 @@
 """Runs a spell: a fleet as processes, and its stranger, which begins before the ticks and is killed after the run."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """A session of attacks on fleets: spells one after the other, a few lines about each, and what broke."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

@@ -1,7 +1,5 @@
 """Spells: one run of a small fleet each, with one stranger beside it. A seed decides all of it but the timing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any

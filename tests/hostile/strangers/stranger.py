@@ -6,8 +6,6 @@
 address and the fleet's name, which everybody on the machine can see.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """Strangers: how they are drawn, what they send, how they are watched and judged, and what a session prints."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What is watched while a stranger attacks a fleet: whether ticks go on, and how much memory its processes take."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

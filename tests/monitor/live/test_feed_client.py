@@ -1,7 +1,5 @@
 """A viewer's knowledge of its world, from the world's own messages."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import pytest

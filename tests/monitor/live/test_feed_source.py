@@ -1,7 +1,5 @@
 """The feed of a run that goes on: the same fogs as the world's and the minds', from the start, late, and over gaps."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections import deque

@@ -1,7 +1,5 @@
 """Robots' beliefs by the feed of their world: from when on they are known, and how long they are followed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Records on a feed that no world has sent: they are ignored and counted, and the viewer goes on with the true ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Records of a feed at the limits of what can be of its run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Faults over time, from the events of a journal."""
 
-from __future__ import annotations
-
 from monitor.observation.fault_bands import Band, bands_of, lanes
 from patrol.journal.records import Event
 

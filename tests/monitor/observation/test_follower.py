@@ -1,7 +1,5 @@
 """Beliefs that begin anew, and all that each robot sees and hears, from the records of ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import cast
 

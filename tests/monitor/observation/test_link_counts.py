@@ -1,7 +1,5 @@
 """Frames by link, from ticks that are written down here."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

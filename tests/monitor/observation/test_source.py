@@ -1,7 +1,5 @@
 """The rate of ticks, as a page shows it."""
 
-from __future__ import annotations
-
 import pytest
 
 from monitor.observation.source import TickRate

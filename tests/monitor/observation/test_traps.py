@@ -1,7 +1,5 @@
 """Since when a robot has been trapped, by what its viewer has seen of it."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import pytest

@@ -1,7 +1,5 @@
 """The charge of batteries in the page's table of robots, in a real browser: replayed, live, and as robots report it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

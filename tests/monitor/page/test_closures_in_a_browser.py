@@ -1,7 +1,5 @@
 """Closures on the page, in a real browser: what is closed, what waits, and an operator who closes and opens."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

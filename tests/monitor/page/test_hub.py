@@ -1,7 +1,5 @@
 """Messages that the hub sends of a source, to viewers that are played here."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,7 +1,5 @@
 """The page of robots without a world, in a real browser: an operator stops them all and is told how they stand."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of a run that is over, in a real browser."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import closing

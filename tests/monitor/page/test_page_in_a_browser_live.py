@@ -1,7 +1,5 @@
 """The page of a fleet that is running, in a real browser; its world is played here."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The page's words on a patrol that gets nowhere and on what has not been seen, in a real browser."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of a patrol with zones, in a real browser: what is in force, and switching it."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 from typing import Any

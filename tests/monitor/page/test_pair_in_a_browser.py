@@ -1,7 +1,5 @@
 """Two replays side by side in a real browser: served, and as a folder of files without a server."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import closing

@@ -1,7 +1,5 @@
 """The page of a run as a folder of files, in a real browser that finds no server."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages of a live recording, for the states of a source that is told here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -133,10 +131,10 @@ def test_a_grid_that_was_just_written_is_the_last_one(tmp_path: Path) -> None:
 
 def test_events_before_the_first_state_are_left_out_and_others_have_their_own_time(tmp_path: Path) -> None:
     source = Told()
-    source.news = [Event(3, "dead", 1, "before"), Event(4, "dead", 2, "now"), Event(6, "note", None, "later")]
+    source.news = [Event(3, "dead", 1, "before"), Event(4, "dead", 2, "now"), Event(5, "note", None, "later")]
     topics = recorded(source, [state(4), state(6)], tmp_path)
     said = [(at, log.name, log.msg) for at, log in topics["/rosout"]]
-    assert said[1:] == [(2.0, "bert", "dead: now"), (3.0, "run", "note: later")]
+    assert said[1:] == [(2.0, "bert", "dead: now"), (2.5, "run", "note: later")]
 
 
 @pytest.fixture

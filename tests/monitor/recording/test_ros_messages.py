@@ -1,7 +1,5 @@
 """Each message of a recording, decoded again, and the values of its grids."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

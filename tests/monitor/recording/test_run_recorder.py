@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +9,7 @@ from mcap.reader import make_reader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2.metadata import parse_qos
 
-from monitor.recording.ros_file import grid_values, ros_names
+from monitor.recording.ros_file import grid_values
 from monitor.recording.run_recorder import Recorder, key_frame_ticks, scale_of
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
@@ -105,10 +103,6 @@ def test_a_run_that_was_killed_is_recorded_that_far(quiet: Any, copied: Callable
     topics = decoded(record(run, folder / "out.mcap"))
     assert len(topics["/mfow"]) == run.ticks
     assert "cut off" in topics["/rosout"][-1][1].msg
-
-
-def test_names_that_ros_does_not_take_are_told_apart() -> None:
-    assert ros_names(["r1", "a-b", "a_b", "7of9"]) == ["r1", "a_b", "a_b_2", "robot_7of9"]
 
 
 def test_no_robot_is_called_as_the_map_or_a_topic(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Robots' beliefs that a replay keeps, and for how long."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import count
 

@@ -1,7 +1,5 @@
 """A run's journal as arrays: shares of links, and journals that do not fit their scenario."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

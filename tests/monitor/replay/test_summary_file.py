@@ -1,7 +1,5 @@
 """Reading summary.json: every declared value is checked, and an error names file, field, value and remedy."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Ages and gaps of a ground of a few points, against adding them up tick by tick."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

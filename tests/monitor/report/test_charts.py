@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -16,21 +14,7 @@ from agent.ports import State
 from monitor.figures.style import ACCENT, ALERT
 from monitor.observation.fault_bands import INTRUDER, Band
 from monitor.replay.run import open_run
-from monitor.report.charts import (
-    MOST_BINS,
-    MOST_POINTS,
-    STATES,
-    belief_chart,
-    decisions_chart,
-    gaps_chart,
-    links_chart,
-    mfow_chart,
-    radio_chart,
-    state_codes,
-    states_chart,
-    thinned,
-    troubles_chart,
-)
+from monitor.report import charts
 from patrol.journal.records import Status
 from tests.monitor.conftest import QUIET, run_of
 from tests.present import present
@@ -43,15 +27,15 @@ def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
     patrol = {"policy": "potential-field", "options": options}  # so that they come by in time
     scenario = {**QUIET, "faults": faults, "intruders": intruders, "patrol": patrol}
     run = open_run(run_of(tmp_path, scenario).folder)
-    shown = {STATES[code][0] for code in np.unique(state_codes(run))}
+    shown = {charts.STATES[code][0] for code in np.unique(charts.state_codes(run))}
     assert {"patrolling", "surrounding", "dead or lost"} <= shown
     assert "other" not in shown
-    keys = {text.get_text() for text in states_chart(run, ()).legends[0].get_texts()}
+    keys = {text.get_text() for text in charts.states_chart(run, ()).legends[0].get_texts()}
     assert keys == shown | {"cancelled move"}
 
 
 def test_every_state_of_a_mind_has_a_name_in_the_chart() -> None:
-    assert {state.value.replace("-", " ") for state in State} <= {name for name, _ in STATES}
+    assert {state.value.replace("-", " ") for state in State} <= {name for name, _ in charts.STATES}
 
 
 def test_a_backend_that_does_not_exist_is_one_line() -> None:
@@ -84,7 +68,7 @@ def test_decision_times_are_drawn_at_their_percentiles() -> None:
     times = np.full((101, 2), np.nan)
     times[:, 0] = np.roll(np.arange(1.0, 102.0), 40)
     run: Any = SimpleNamespace(names=("r1", "r2"), decision_ms=times)
-    lines = decisions_chart(run).axes[0].lines
+    lines = charts.decisions_chart(run).axes[0].lines
     assert [np.atleast_1d(line.get_xdata()).tolist() for line in lines] == [[2, 100], [26, 76], [51], [101]]
 
 
@@ -112,17 +96,17 @@ def drawn_lines(axes: Any) -> dict[str, tuple[list[float], list[float]]]:
 def test_mfow_and_mean_fog_are_drawn_in_seconds_beside_what_they_compare_with() -> None:
     mfow, mean = np.array([0, 1, 2, 7]), np.array([0.0, 0.5, 1.5, 2.5])
     run = made_up_run(4, mfow=mfow, fog_mean=mean, bound_s=1.25)
-    lines = drawn_lines(mfow_chart(run, (), 1.75).axes[0])
+    lines = drawn_lines(charts.mfow_chart(run, (), 1.75).axes[0])
     assert lines["MFoW (age of the stalest point)"] == ([0.0, 0.5, 1.0, 1.5], [0.0, 0.5, 1.0, 3.5])
     assert lines["mean fog"] == ([0.0, 0.5, 1.0, 1.5], [0.0, 0.25, 0.75, 1.25])
     assert (lines["lower bound of MFoW"][1], lines["best tour found"][1]) == ([1.25, 1.25], [1.75, 1.75])
-    without = drawn_lines(mfow_chart(made_up_run(4, mfow=mfow, fog_mean=mean), ()).axes[0])
+    without = drawn_lines(charts.mfow_chart(made_up_run(4, mfow=mfow, fog_mean=mean), ()).axes[0])
     assert without.keys() == {"MFoW (age of the stalest point)", "mean fog"}
 
 
 def test_each_robots_error_is_drawn_under_its_name() -> None:
     errors: Any = SimpleNamespace(robots=(2, 0), ticks=np.array([0, 4]), mean=np.array([[1.0, 2.0], [3.0, 8.0]]))
-    lines = drawn_lines(belief_chart(made_up_run(8, 3), errors, ()).axes[0])
+    lines = drawn_lines(charts.belief_chart(made_up_run(8, 3), errors, ()).axes[0])
     assert lines == {"r3": ([0.0, 2.0], [0.5, 1.5]), "r1": ([0.0, 2.0], [1.0, 4.0])}
 
 
@@ -131,7 +115,7 @@ def test_delivered_shares_are_those_of_intervals_and_drawn_in_their_middles() ->
     delivered, dropped = np.zeros(720, dtype=np.int64), np.zeros(720, dtype=np.int64)
     delivered[[0, 2, 6]], dropped[[1, 8]] = (1, 2, 1), (1, 1)
     links = SimpleNamespace(delivered_in=delivered, dropped_in=dropped)
-    (line,) = radio_chart(made_up_run(720, links=links), ()).axes[0].lines
+    (line,) = charts.radio_chart(made_up_run(720, links=links), ()).axes[0].lines
     times, shares = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     assert times[:3].tolist() == [0.75, 2.25, 3.75]
     assert len(times) == 240
@@ -158,8 +142,8 @@ def test_each_state_is_drawn_in_its_colour(status: Status, state: str, shown: st
     states = np.full((8, 2), len(labels) - 1, dtype=np.int16)
     run = made_up_run(status=np.full((8, 2), status, dtype=np.uint8), states=states, labels=labels)
     run.bumped[3, 1] = True
-    assert [STATES[code][0] for code in np.unique(state_codes(run))] == [shown]
-    axes = states_chart(run, ()).axes[0]
+    assert [charts.STATES[code][0] for code in np.unique(charts.state_codes(run))] == [shown]
+    axes = charts.states_chart(run, ()).axes[0]
     (image,) = axes.images
     assert list(image.get_extent()) == [0.0, 4.0, 1.5, -0.5]
     assert present(image.get_array()).shape == (2, 8)
@@ -169,7 +153,7 @@ def test_each_state_is_drawn_in_its_colour(status: Status, state: str, shown: st
 def test_the_link_from_each_robot_to_each_other_is_written_where_it_belongs() -> None:
     share = np.array([[np.nan, 0.999, 0.25], [1.0, np.nan, 0.5], [0.0, 0.989, np.nan]])
     run = made_up_run(robots=3, links=SimpleNamespace(share=lambda: share))
-    axes = links_chart(run).axes[0]
+    axes = charts.links_chart(run).axes[0]
     texts = {(text.get_position()[1], text.get_position()[0]): text.get_text() for text in axes.texts}
     assert texts == {(0, 1): "99.9", (0, 2): "25", (1, 0): "100", (1, 2): "50", (2, 0): "0", (2, 1): "99"}
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("to", "from")
@@ -180,7 +164,7 @@ def test_the_link_from_each_robot_to_each_other_is_written_where_it_belongs() ->
     [([0, 0, 1, 1, 0, 1], "1.5", "2.5"), ([0, 0, 19, 0, 1], "1", "1"), ([0, 0, 18, 0, 2], "1", "2")],
 )
 def test_waits_are_marked_at_their_median_and_at_95_percent(gaps: list[int], median: str, most: str) -> None:
-    texts = [text.get_text() for text in gaps_chart(np.array(gaps), 0.5).axes[0].texts]
+    texts = [text.get_text() for text in charts.gaps_chart(np.array(gaps), 0.5).axes[0].texts]
     assert texts == [f"median {median} s", f"95 % {most} s"]
 
 
@@ -188,14 +172,14 @@ def test_waits_are_marked_at_their_median_and_at_95_percent(gaps: list[int], med
     ("gaps", "lefts", "width", "shares"),
     [
         ([0, 1, 0, 3], [-0.25, 0.25, 0.75, 1.25], 0.5, [0, 25, 0, 75]),
-        ([1, *[0] * (MOST_BINS - 2), 1], [0.5 * k - 0.25 for k in range(MOST_BINS)], 0.5, None),
-        ([1, *[0] * (MOST_BINS - 1), 3], [1.0 * k - 0.25 for k in range(MOST_BINS // 2 + 1)], 1.0, None),
+        ([1, *[0] * (charts.MOST_BINS - 2), 1], [0.5 * k - 0.25 for k in range(charts.MOST_BINS)], 0.5, None),
+        ([1, *[0] * (charts.MOST_BINS - 1), 3], [1.0 * k - 0.25 for k in range(charts.MOST_BINS // 2 + 1)], 1.0, None),
     ],
 )
 def test_bars_show_the_share_of_waits_by_their_length(
     gaps: list[int], lefts: list[float], width: float, shares: list[float] | None
 ) -> None:
-    axes = gaps_chart(np.array(gaps), 0.5).axes[0]
+    axes = charts.gaps_chart(np.array(gaps), 0.5).axes[0]
     bars = [bar for bar in axes.patches if isinstance(bar, Rectangle)]
     assert [bar.get_x() for bar in bars] == pytest.approx(lefts)
     assert [bar.get_width() for bar in bars] == pytest.approx([width] * len(lefts))
@@ -210,20 +194,23 @@ def test_bars_show_the_share_of_waits_by_their_length(
 
 
 def test_long_lines_keep_the_largest_value_of_each_interval_at_its_time() -> None:
-    values = np.zeros(2 * MOST_POINTS)
+    values = np.zeros(2 * charts.MOST_POINTS)
     values[[1, 2, 5]] = 3.0, 4.0, 5.0
     times = np.arange(len(values), dtype=np.float64) / 2.0
-    at, kept = thinned(times, values)
-    assert len(at) == MOST_POINTS
+    at, kept = charts.thinned(times, values)
+    assert len(at) == charts.MOST_POINTS
     assert (at[:3].tolist(), kept[:3].tolist()) == ([0.5, 1.0, 2.5], [3.0, 4.0, 5.0])
-    assert len(thinned(times[:MOST_POINTS], values[:MOST_POINTS])[0]) == MOST_POINTS
-    assert len(thinned(times[: MOST_POINTS + 1], values[: MOST_POINTS + 1])[0]) == MOST_POINTS // 2 + 1
+    assert len(charts.thinned(times[: charts.MOST_POINTS], values[: charts.MOST_POINTS])[0]) == charts.MOST_POINTS
+    assert (
+        len(charts.thinned(times[: charts.MOST_POINTS + 1], values[: charts.MOST_POINTS + 1])[0])
+        == charts.MOST_POINTS // 2 + 1
+    )
 
 
 def test_faults_are_drawn_from_their_beginning_to_their_end() -> None:
     bands = [Band("f1", "loss", 1.0, 3.0), Band("f2", "kill", 2.5, 2.5), Band("i1", INTRUDER, 0.5, 4.0, "at (1, 2)")]
     run = made_up_run(mfow=np.zeros(8), fog_mean=np.zeros(8))
-    top, below = mfow_chart(run, bands).axes
+    top, below = charts.mfow_chart(run, bands).axes
     spans = [(patch.get_x(), patch.get_width()) for patch in top.patches if isinstance(patch, Rectangle)]
     assert spans == [(1.0, 2.0), (0.5, 3.5)]
     assert [line.get_xdata() for line in top.lines] == [[2.5]]
@@ -239,7 +226,7 @@ def test_troubles_are_each_robots_own() -> None:
     figures = [SimpleNamespace(dead_end_share=0.25), SimpleNamespace(dead_end_share=0.75)]
     run = made_up_run(robot_figures=figures)
     run.bumped[[0, 1, 5], 1] = run.bumped[2, 0] = True
-    left, right = troubles_chart(run).axes
+    left, right = charts.troubles_chart(run).axes
     rows = [[(bar.get_y() + 0.31, bar.get_width()) for bar in axes.patches] for axes in (left, right)]  # type: ignore[attr-defined]
     assert rows == [[(0.0, 25.0), (1.0, 75.0)], [(0.0, 1), (1.0, 3)]]
     assert [label.get_text() for label in left.get_yticklabels()] == ["r1", "r2"]

@@ -1,7 +1,5 @@
 """The parts of a comparison, from values that are told here."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -100,7 +98,7 @@ def analysis_of(ticks: int, mfow: list[int], mean: list[float], fog: float, gaps
 def test_lines_are_of_each_run_in_seconds_and_a_run_without_gaps_has_none() -> None:
     analyses = [
         analysis_of(3, [0, 1, 4], [0.0, 0.5, 1.0], 2.0, [0, 0, 0]),
-        analysis_of(2, [0, 3], [0.0, 2.5], 6.0, [0, 0, 1]),
+        analysis_of(2, [0, 3], [0.0, 2.5], 6.0, [0, 3, 0, 1]),
     ]
     made = {drawing.name: drawing for drawing in drawings(analyses)}
     assert list(made) == ["mfow", "fog", "gaps", "fog-mean-1", "fog-mean-2"]
@@ -115,7 +113,7 @@ def test_lines_are_of_each_run_in_seconds_and_a_run_without_gaps_has_none() -> N
 
     assert lines("mfow") == [("run", [0.0, 0.5, 1.0], [0.0, 0.5, 2.0]), ("run (2)", [0.0, 0.5], [0.0, 1.5])]
     assert lines("fog") == [("run", [0.0, 0.5, 1.0], [0.0, 0.25, 0.5]), ("run (2)", [0.0, 0.5], [0.0, 1.25])]
-    assert lines("gaps") == [("run (2)", [0.0, 0.5, 1.0], [100.0] * 3)]
+    assert lines("gaps") == [("run (2)", [0.0, 0.5, 1.0, 1.5], [100.0, 100.0, 25.0, 25.0])]
 
 
 def test_maps_have_the_largest_fog_of_all_runs_as_their_scale(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,5 @@
 """The maps of a report, from ground and paths that are told here."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

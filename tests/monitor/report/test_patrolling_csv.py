@@ -1,7 +1,5 @@
 """The files of patrolling_sim's monitor, from visits that are written down here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any

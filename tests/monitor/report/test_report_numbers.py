@@ -1,10 +1,7 @@
 """The numbers of a report are those of the run's summary, whatever went wrong in it."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -19,7 +16,7 @@ from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from monitor.report.analysis import analyse, measures
-from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
+from monitor.report.charts import radio_chart, troubles_chart
 from monitor.report.document import report_html
 from monitor.report.html import escape
 from monitor.report.map_charts import paths_chart
@@ -173,23 +170,6 @@ def test_dead_ends_are_a_share_of_decisions_as_in_the_summary(quiet: Any, tmp_pa
 
 def bars(made: Figure) -> list[Rectangle]:
     return [patch for patch in made.axes[0].patches if isinstance(patch, Rectangle)]
-
-
-def heights(gaps: Sequence[int]) -> tuple[list[float], list[float]]:
-    """The bars' left edges, s, and their heights."""
-    shown = bars(gaps_chart(np.array(gaps, dtype=np.int64), 0.5))
-    return [bar.get_x() for bar in shown], [bar.get_height() for bar in shown]
-
-
-@pytest.mark.parametrize("longest", [1, 40, 59, 60, 89, 119, 120, 1199])
-def test_even_waits_give_even_bars(longest: int) -> None:
-    edges, shares = heights([7] * (longest + 1) + [0] * 300)
-    width = -(-(longest + 1) // 60)
-    assert len(shares) <= 60
-    np.testing.assert_allclose(np.diff(edges), 0.5 * width)
-    assert edges[0] == -0.25
-    np.testing.assert_allclose(shares[:-1], 100.0 * width / (longest + 1))
-    assert sum(shares) == pytest.approx(100.0)
 
 
 # --- direct radio ----------------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """The sections of a report, from values that are told here; no two of them are alike."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html import unescape

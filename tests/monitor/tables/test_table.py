@@ -1,7 +1,5 @@
 """A small table in each form that it is written in."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 
@@ -36,7 +34,7 @@ def test_markdown_has_a_rule_below_its_head() -> None:
 
 
 def test_latex_is_a_whole_table() -> None:
-    rows = [("a_b", 3, "-4.5"), ("100 %", -2, "x-1"), ("p<0.1", 0, "1-2")]
+    rows = [("a_b", 3, "-4.5 ±0.1"), ("100 %", -2, "x-1"), ("p<0.1", 0, "1-2")]
     text = Table(("case & more", "n", "±"), rows, numbers={1, 2}).latex("50 % of #1", "mine")
     assert text.split("\n") == [
         r"% \usepackage{booktabs}",
@@ -48,7 +46,7 @@ def test_latex_is_a_whole_table() -> None:
         r"\toprule",
         r"case \& more & n & $\pm$ \\",
         r"\midrule",
-        r"a\_b & 3 & $-$4.5 \\",
+        r"a\_b & 3 & $-$4.5 $\pm$0.1 \\",
         r"100 \% & $-$2 & x-1 \\",
         r"p$<$0.1 & 0 & 1-2 \\",
         r"\bottomrule",

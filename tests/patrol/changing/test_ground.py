@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 
 from patrol.changing.ground import ChangingFootprint, ChangingTerrain, faces

@@ -1,7 +1,5 @@
 """Foreign code that ends its process: it raises there, and ends what it forks."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

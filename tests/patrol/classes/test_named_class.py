@@ -1,7 +1,5 @@
 """The code of a class that runs is that of its digest, whatever else lies beside its file."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.machinery
 import importlib.util

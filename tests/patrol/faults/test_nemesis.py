@@ -1,7 +1,5 @@
 """The draws of a nemesis: within their bounds, and the same in each version."""
 
-from __future__ import annotations
-
 import json
 from hashlib import sha256
 from typing import Any

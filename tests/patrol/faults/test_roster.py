@@ -1,7 +1,5 @@
 """Times in ticks, and faults at the edges of what roster and duration allow."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -39,14 +37,10 @@ def loaded(fault: dict[str, Any], robots: Any = 3, **more: Any) -> None:
     [
         ({"kind": "kill", "who": "one", "at": 9.5}, {"at": 9.51}, "the run ends at 10 s"),
         ({"kind": "kill", "who": {"count": 3}}, {"who": {"count": 4}}, "there are 3 robots; give at most 3"),
-        ({"kind": "kill", "who": ["r1", "r3"]}, {"who": ["r1", "r3", "r1"]}, "r1 is in the list twice"),
-        ({"kind": "kill", "who": "r3"}, {"who": "r4"}, "there is no robot r4; robots are r1, r2, r3$"),
         ({"kind": "partition", "groups": [["r1", "r2"]]}, {"groups": [["r1", "r2", "r3"]]}, "nobody is cut off"),
         ({"kind": "partition", "groups": [["r1"], ["r2", "r3"]]}, {"groups": [["r1"], ["r2", "r1"]]}, "in group 0 too"),
-        ({"kind": "partition", "groups": [["r1"]]}, {"groups": [["r1", "r1"]]}, "r1 is listed twice"),
         ({"kind": "spoof", "by": "r1", "as": ["r1", "r2"], "payload": "random"}, {"as": "r1"}, "victim is r1"),
-        ({"kind": "spoof", "by": "r1", "as": "r2", "payload": "random"}, {"by": "r9"}, "there is no robot r9"),
-        ({"kind": "loss", "from": "r1", "to": "r2", "rate": 0.5}, {"to": "r1"}, "r1 hears nothing from itself"),
+        ({"kind": "spoof", "by": "r1", "as": ["r1", "r2"], "payload": "freeze"}, {"as": ["r1"]}, "victim is r1"),
     ],
 )
 def test_a_fault_is_refused_only_beyond_the_edge(sound: dict[str, Any], wrong: dict[str, Any], says: str) -> None:

@@ -1,7 +1,5 @@
 """Which robots a target means."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

@@ -1,7 +1,5 @@
 """Lone surrogates, which no text can hold, are refused where text comes in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small masks, fields with blocks and posts, and lines of sight by their definition."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

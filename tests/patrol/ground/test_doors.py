@@ -1,7 +1,5 @@
 """Doors between rooms, at the limits of what counts as one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -127,17 +125,6 @@ def test_a_point_on_the_edge_of_a_sector_is_seen(eighth: int) -> None:
         )
         edge = [bool(seen[20 + n * down, 20 + n * across]) for n in range(1, 11)]
         assert edge == [abs(off) < 2] * 10, off
-
-
-def test_quality_falls_with_distance() -> None:
-    terrain = Terrain("open", np.ones((41, 41), dtype=np.bool_), 0.5)
-    view = footprint_of(terrain, 8.0, quality=[(2.0, 1.0), (8.0, 0.25)]).visible(Pose(10.25, 10.25, 0.0))
-    assert view.quality is not None
-    assert view.quality[16, 16] == 1.0
-    assert view.quality[16, 16 + 10] == pytest.approx(0.625)
-    assert view.quality[0, 16] == pytest.approx(0.25)
-    assert view.quality[0, 0] == pytest.approx(0.25)
-    assert footprint_of(terrain, 8.0, quality=1.0).visible(Pose(10.0, 10.0, 0.0)).quality is None
 
 
 def test_a_robot_beyond_the_edge_sees_what_is_inside_or_nothing() -> None:

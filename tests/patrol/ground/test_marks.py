@@ -1,7 +1,5 @@
 """Outlines and middles of some ground, by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Points at and next to places, on a terrain whose sides differ."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Room: how many rows or columns there are between each point and the nearest obstacle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Points that share some area with a marked cell, against looking at each pair of a point and a cell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A view's window and its terrain, where they overlap in part; and what a sensor takes of a point's age."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

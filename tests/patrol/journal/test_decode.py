@@ -1,7 +1,5 @@
 """Limits of a record, by the size of its fleet."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgpack

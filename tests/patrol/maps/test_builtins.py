@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shapely import LinearRing, Polygon, box, union_all

@@ -1,7 +1,5 @@
 """Doubts about a map are raised from a documented share, grey or factor on: at it and just beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +13,13 @@ from patrol.maps.cells import read_image
 from patrol.maps.doubts import doubts, perhaps_unknown, settings_text
 from patrol.maps.load import read_terrain
 from patrol.maps.map_file import read_map_file
-from tests.patrol.maps.test_maps import write_map
+from tests.patrol.maps.test_maps import doubts_of, write_map
 
 
 def picture(side: int, rest: int, counts: dict[int, int]) -> NDArray[np.uint8]:
     """A square of some cells of each of some greys, row by row, and the rest of another."""
     greys = [grey for grey, count in counts.items() for _ in range(count)]
     return np.array(greys + [rest] * (side * side - len(greys)), dtype=np.uint8).reshape(side, side)
-
-
-def doubts_of(folder: Path, greys: NDArray[np.uint8], **says: Any) -> list[str]:
-    return doubts(read_terrain(write_map(folder, Image.fromarray(greys), says), 0.1))
 
 
 @pytest.mark.parametrize("negate", [0, 1])

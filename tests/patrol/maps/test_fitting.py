@@ -1,7 +1,5 @@
 """The advice to a body that does not fit is right: what is advised fits, and a hundredth more does not."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

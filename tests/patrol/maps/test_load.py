@@ -1,7 +1,5 @@
 """Large maps say how long they take, and a map is read once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A map's YAML file: what is copied says the same, and its meaning does not depend on where it lies."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

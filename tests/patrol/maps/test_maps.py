@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import math
 import struct
@@ -437,14 +435,6 @@ def test_an_inverted_image_is_noticed_by_its_unknown_ground(tmp_path: Path, unkn
     for outside in (unknown, 0):
         mapped[:5] = mapped[-5:] = mapped[:, :5] = mapped[:, -5:] = outside
         assert doubts_of(tmp_path, mapped, free_thresh=0.25) == []
-
-
-def test_a_jpeg_that_blurs_unknown_into_free_is_named(tmp_path: Path) -> None:
-    mapped = np.full((80, 80), 205, dtype=np.uint8)
-    mapped[21:61, 21:61] = WALLED
-    (doubt,) = doubts_of(tmp_path, mapped, image="plan.jpg")
-    assert doubt.startswith("plan.jpg: a JPEG, which blurs greys: ")
-    assert doubts_of(tmp_path, mapped, image="plan.png") == []
 
 
 def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Hostile bytes by the thousand, and by the million in the long checks: nothing is raised, kept or left uncounted."""
 
-from __future__ import annotations
-
 import gc
 import sys
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Other robots in columns, and how a movement goes on."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The inboxes' table and kernel against the same rule in plain Python."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Polygons in the plane, against shapes that are known by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

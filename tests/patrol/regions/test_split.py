@@ -1,7 +1,5 @@
 """Regions against an independent geometry library: convex, disjoint, covering, and connected where bodies pass."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

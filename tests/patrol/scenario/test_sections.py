@@ -1,7 +1,5 @@
 """The sections terrain, robots, sensor and intruders at their limits."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The step that follows bodies and ground, and that everything uses one value of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Words about a scenario: what was given and assumed, what patrols cost, what operators ask for, and its marks."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

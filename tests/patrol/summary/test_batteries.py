@@ -1,7 +1,5 @@
 """The figures of batteries, against a run whose charge is added up by hand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

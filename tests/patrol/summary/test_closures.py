@@ -1,7 +1,5 @@
 """The figures of closures, from events that are written down here."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The features of scenarios are told in one order, each under its own name."""
 
-from __future__ import annotations
-
 from patrol.summary.features import FEATURES
 from patrol.summary.model import BatteryFigures, ClosureFigures, RobotFigures, Summary, ZoneFigures
 

@@ -1,7 +1,5 @@
 """The figures of intruders, from ticks and frames that are written down here."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

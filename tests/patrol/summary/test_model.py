@@ -1,7 +1,5 @@
 """What a summary says without being told, and its ground in words."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The figures of a run of five ticks, each recomputed by hand; no two fields have the same value."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

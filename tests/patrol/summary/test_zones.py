@@ -1,7 +1,5 @@
 """Words about zones at the end of a run."""
 
-from __future__ import annotations
-
 import pytest
 
 from patrol.scenario import load_scenario

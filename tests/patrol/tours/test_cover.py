@@ -1,7 +1,5 @@
 """The choice of places that see some ground, against views that are looked at point by point."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Zones over time, at the ends of their spans, and what maps and people are told of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

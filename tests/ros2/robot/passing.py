@@ -1,7 +1,5 @@
 """A time that passes only while somebody waits, for tests of how long things wait."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any

@@ -1,7 +1,5 @@
 """Diagnostics of a patrol for the robot's own tools."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The driver as a mind's body, with a simulated robot at the other end of a link in this process."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """An agent's process drives a simulated ROS 2 robot over a real router. Nothing here depends on how fast it is."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

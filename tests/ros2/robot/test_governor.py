@@ -1,7 +1,5 @@
 """Commands, limits, fence and stops: what the robot is told."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -157,23 +155,6 @@ def test_a_command_is_obeyed_for_its_time_only() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "wanted", "told"),
-    [
-        (Twist(0.0, 0.0), Twist(0.0, 4.0), (0.0, 0.4)),
-        (Twist(0.0, 0.0), Twist(0.0, -4.0), (0.0, -0.4)),
-        (Twist(1.0, 0.0), Twist(0.5, 0.4), (0.8, 0.4)),
-    ],
-)
-def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving(
-    command: Twist, wanted: Twist, told: tuple[float, float]
-) -> None:
-    """The wheels are 0.5 m from the centre, so 0.2 m/s more are 0.4 rad/s more."""
-    reached = nearer(command, wanted, 0.2, 0.5)
-    assert isinstance(reached, Twist)
-    assert reached.numbers == pytest.approx(told)
-
-
-@pytest.mark.parametrize(
     ("command", "wanted", "most", "told"),
     [
         (Velocity(1.0, 2.0), Velocity(4.0, 6.0), 2.5, Velocity(2.5, 4.0)),  # 5 m/s of change, of which it makes half
@@ -182,6 +163,9 @@ def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving(
         (Twist(1.0, 2.0), Twist(3.0, 9.0), 0.5, Twist(1.5, 4.0)),  # 0.5 m/s at 0.25 m are 2 rad/s
         (Twist(1.0, 2.0), Twist(-3.0, -9.0), 0.5, Twist(0.5, 0.0)),
         (Twist(1.0, 2.0), Twist(1.25, 2.5), 0.5, Twist(1.25, 2.5)),
+        (Twist(1.0, 0.0), Twist(0.0, 2.0), 0.5, Twist(0.5, 2.0)),
+        (Twist(0.0, 0.0), Twist(0.0, 9.0), 0.5, Twist(0.0, 2.0)),  # on the spot as when driving
+        (Twist(0.0, 0.0), Twist(0.0, -9.0), 0.5, Twist(0.0, -2.0)),
         (Drive(1.0, 0.5), Drive(3.0, -0.25), 0.5, Drive(1.5, -0.25)),
         (Drive(1.0, 0.5), Drive(-3.0, 0.0), 0.5, Drive(0.5, 0.0)),
     ],

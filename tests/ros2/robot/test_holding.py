@@ -1,7 +1,5 @@
 """Reasons besides stops that keep a robot from driving, and what is said of them."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The pose that a robot's localisation is told: from files of ROS, and until it agrees."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

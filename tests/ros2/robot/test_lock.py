@@ -1,7 +1,5 @@
 """Stopping a robot over its own locked router, whose limits drop what comes too fast."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 

@@ -1,7 +1,5 @@
 """The search for a ROS 2 robot by its process: its localisation is told where it is only if it does not know."""
 
-from __future__ import annotations
-
 import math
 from itertools import count
 from threading import Event

@@ -1,7 +1,5 @@
 """Others that drive a robot, by the graph."""
 
-from __future__ import annotations
-
 import threading
 from types import SimpleNamespace
 from typing import Any

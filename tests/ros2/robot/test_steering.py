@@ -1,7 +1,5 @@
 """Steering by velocities: when a robot counts as blocked."""
 
-from __future__ import annotations
-
 import pytest
 
 from patrol.pose import Pose

@@ -1,7 +1,5 @@
 """Bodies that another class moves, and how far from exact obedience they and our own ones are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

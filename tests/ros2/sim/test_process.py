@@ -1,7 +1,5 @@
 """Simulated ROS 2 robots as a process of their own, driven by an agent's process."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

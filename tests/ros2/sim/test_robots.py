@@ -1,7 +1,5 @@
 """Simulated robots: their motion, odometry, watchdog, topics and goals, with links in this process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

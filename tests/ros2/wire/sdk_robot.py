@@ -5,8 +5,6 @@
 It sends odometry, and prints each command that it gets as a line of JSON, until its standard input ends.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """Under the lock: who can drive a ROS 2 robot over the network, and who can pass for it, at a real router."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import threading
 
 from ros2.wire.formats import Attachment

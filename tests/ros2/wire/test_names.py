@@ -1,7 +1,5 @@
 """Names, tokens, attachments and keys, against the examples in the public design text of rmw_zenoh."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

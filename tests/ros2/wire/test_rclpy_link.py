@@ -1,7 +1,5 @@
 """The link of a node of ROS with a stand-in for rclpy: messages that come twice, late, or with little said of them."""
 
-from __future__ import annotations
-
 import sys
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """An implementation of rmw_zenoh that is not ours, as the robot: it obeys our commands, and we read its odometry."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import select

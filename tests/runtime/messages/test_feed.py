@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import tracemalloc
 import zlib
 from array import array
@@ -13,37 +11,24 @@ import pytest
 
 from patrol.errors import Malformed
 from patrol.wire import read_sparingly
-from runtime.messages.feed import (
-    MAX_BATCH,
-    MAX_EVENTS,
-    MAX_RECORDS,
-    Batch,
-    Ground,
-    SoFar,
-    batch_bytes,
-    longest_record,
-    read_so_far,
-    so_far_bytes,
-    thinned,
-)
+from runtime.messages import feed
 from tests.fleets import answer_so_far
 
 MB = 1 << 20
 
 
-def test_thinned_values_may_grow_and_so_may_records_of_larger_fleets() -> None:
+def test_thinned_values_may_grow() -> None:
     values = array("f", [1.0, 2.0, 3.0])
-    found = thinned(values, 2)
+    found = feed.thinned(values, 2)
     values.append(4.0)
     assert found.tolist() == [1.0, 3.0]
-    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH
 
 
 @pytest.fixture
 def answer() -> dict[str, Any]:
     """The fields of an answer on a terrain of 4 x 5 points."""
     says: dict[str, Any] = msgpack.unpackb(answer_so_far())
-    assert read_so_far(msgpack.packb(says)).asked == (b"asked",)
+    assert feed.read_so_far(msgpack.packb(says)).asked == (b"asked",)
     return says
 
 
@@ -61,15 +46,17 @@ def frugal() -> Iterator[None]:
     "says",
     [
         *([number, [], True, None] for number in (1 << 62, -1)),
-        *([0, [[]], True, None], [0, [b""] * (MAX_RECORDS + 1), True, None]),
+        *([0, [[]], True, None], [0, [b""] * (feed.MAX_RECORDS + 1), True, None]),
         *([0, [], True, pace] for pace in (float("inf"), float("nan"), 0.0)),
         *([0, [], 1, None], [0, [], True], [0, [], True, None, None]),
     ],
 )
 def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
-    assert read_sparingly(Batch, batch_bytes(Batch(0, (b"a",), running=True, pace=2.0))).records == (b"a",)
+    assert read_sparingly(feed.Batch, feed.batch_bytes(feed.Batch(0, (b"a",), running=True, pace=2.0))).records == (
+        b"a",
+    )
     with pytest.raises(Malformed):
-        read_sparingly(Batch, msgpack.packb(says))
+        read_sparingly(feed.Batch, msgpack.packb(says))
 
 
 @pytest.mark.usefixtures("frugal")
@@ -90,7 +77,7 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
         ("mfow", np.full(3, np.nan, dtype="<f4").tobytes()),
         *((field, np.array([0, 1, np.nan], dtype="<f4").tobytes()) for field in ("mfow", "fog_mean")),
         ("mfow", bytes(1 << 20)),
-        ("events", [b""] * (MAX_EVENTS + 1)),
+        ("events", [b""] * (feed.MAX_EVENTS + 1)),
         ("events", [[]]),
         ("last", 7),
         ("pace", float("inf")),
@@ -100,14 +87,14 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
 )
 def test_an_answer_that_cannot_be_is_garbled(field: str, value: object, answer: dict[str, Any]) -> None:
     with pytest.raises(Malformed):
-        read_so_far(msgpack.packb({**answer, field: value}))
+        feed.read_so_far(msgpack.packb({**answer, field: value}))
 
 
 @pytest.mark.parametrize("tick", [-1, 0, 2])
 def test_points_seen_up_to_the_last_tick_or_never(tick: int, answer: dict[str, Any]) -> None:
     ages = [2] * 19 + [tick]
     packed = zlib.compress(np.array(ages, dtype="<i4").tobytes())
-    assert read_so_far(msgpack.packb({**answer, "number": 3, "seen": packed})).last_seen.ravel().tolist() == ages
+    assert feed.read_so_far(msgpack.packb({**answer, "number": 3, "seen": packed})).last_seen.ravel().tolist() == ages
 
 
 @pytest.mark.usefixtures("frugal")
@@ -120,18 +107,18 @@ def test_grids_that_are_small_only_while_packed_are_refused(answer: dict[str, An
     assert len(payload) < MB
     tracemalloc.reset_peak()
     with pytest.raises(Malformed, match="too much memory"):
-        read_so_far(payload)
+        feed.read_so_far(payload)
 
 
 def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
     payload = msgpack.packb(answer)
-    first = read_so_far(payload, fits=lambda header, height, width: (header, height, width) == (b"header", 4, 5))
-    again = read_so_far(payload, first)
+    first = feed.read_so_far(payload, fits=lambda header, height, width: (header, height, width) == (b"header", 4, 5))
+    again = feed.read_so_far(payload, first)
     assert again.ground is first.ground
     with pytest.raises(Malformed, match="another run"):
-        read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
+        feed.read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
     with pytest.raises(Malformed, match="another size"):
-        read_so_far(payload, fits=lambda *_: False)
+        feed.read_so_far(payload, fits=lambda *_: False)
 
 
 def test_a_run_so_far_comes_back_as_it_was() -> None:
@@ -142,7 +129,7 @@ def test_a_run_so_far_comes_back_as_it_was() -> None:
     one[:2, :3] = two[1:, 2:4] = True
     last_seen = np.full((3, 5), -1, dtype=np.int32)
     last_seen[one | two] = [4, -1, 0, 5, 3, 2, 1, 5, 4]
-    so_far = SoFar(
+    so_far = feed.SoFar(
         number=11,
         header=b"header",
         last=b"last",
@@ -156,10 +143,10 @@ def test_a_run_so_far_comes_back_as_it_was() -> None:
         running=False,
         pace=2.5,
         charge={1: 0.25, 9: 1.0},
-        ground=Ground(passable, keep_out, (one, two), {1: 0, 9: 1}),
+        ground=feed.Ground(passable, keep_out, (one, two), {1: 0, 9: 1}),
     )
-    again = read_so_far(so_far_bytes(so_far))
-    for field in fields(SoFar):
+    again = feed.read_so_far(feed.so_far_bytes(so_far))
+    for field in fields(feed.SoFar):
         before, after = getattr(so_far, field.name), getattr(again, field.name)
         if isinstance(before, np.ndarray):
             assert np.array_equal(after, before), field.name
@@ -174,11 +161,12 @@ def test_a_run_so_far_comes_back_as_it_was() -> None:
 
 @pytest.mark.parametrize(("every", "values"), [(1, [0.0, 1.0, 2.0]), (2, [0.0, 2.0]), (3, [0.0])])
 def test_every_n_th_value_is_kept_from_the_first_on(every: int, values: list[float]) -> None:
-    assert thinned(array("f", [0.0, 1.0, 2.0]), every).tolist() == values
+    assert feed.thinned(array("f", [0.0, 1.0, 2.0]), every).tolist() == values
 
 
 @pytest.mark.parametrize(
-    ("robots", "size"), [(0, 131_072), (1, 131_072 + 2048 + 64), (10, 131_072 + 20_480 + 6400), (10_000, MAX_BATCH)]
+    ("robots", "size"),
+    [(0, 131_072), (1, 131_072 + 2048 + 64), (10, 131_072 + 20_480 + 6400), (10_000, feed.MAX_BATCH)],
 )
 def test_the_longest_record_grows_with_the_square_of_the_fleet(robots: int, size: int) -> None:
-    assert longest_record(robots) == size
+    assert feed.longest_record(robots) == size

@@ -1,7 +1,5 @@
 """Messages and views at the limits of their fields: the limit is taken, what is just beyond it is refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -47,7 +45,7 @@ TO_ROBOT: list[tuple[list[Any], int, tuple[list[Any], list[Any]]]] = [
     (PHASE_A, 13, ([None, [], [0] * MOST_ZONES, [63]], [[0] * (MOST_ZONES + 1), [64], [-1]])),
     (PHASE_A, 14, ([[], [[0, 0.001]], [[63, 1000.0]]], [[[0, 0.00099]], [[0, 1000.1]], [[64, 1.0]], [[0]]])),
     (STOP, 5, ([True, False], [0, 1])),
-    (STOP, 6, (["", "r" * 400], ["r" * 401, "a\nb", None])),
+    (STOP, 6, (["", "r" * 400], ["r" * 401, "a\nb", "\x1b[2J", None])),
     ([2, *HEAD, []], 5, ([[], [b""], [b"f" * 64] * 9], [[b"f" * 65], ["f"], None])),
 ]
 TO_WORLD: list[tuple[list[Any], int, tuple[list[Any], list[Any]]]] = [
@@ -59,22 +57,18 @@ TO_WORLD: list[tuple[list[Any], int, tuple[list[Any], list[Any]]]] = [
     (REPLY_B, 9, ([None, [1.0, 2.0]], [[1.0], [1.0, 2.0, 3.0], [math.inf, 1.0]])),
     (REPLY_B, 10, FINITE),
     (REPLY_B, 11, ID),
-    ([3, *HEAD, ""], 5, (["", "r" * 400], ["r" * 401, "a\nb"])),
+    ([3, *HEAD, ""], 5, (["", "r" * 400], ["r" * 401, "a\nb", "\x1b[2J", 7, None, b"bytes"])),
 ]
 
 
-@pytest.mark.parametrize(("message", "place", "values"), TO_ROBOT)
-def test_a_message_to_a_robot_keeps_its_limits(message: list[Any], place: int, values: Any) -> None:
+@pytest.mark.parametrize(
+    ("decode", "message", "place", "values"),
+    [*((decode_to_robot, *case) for case in TO_ROBOT), *((decode_to_world, *case) for case in TO_WORLD)],
+)
+def test_a_message_keeps_its_limits(decode: Any, message: list[Any], place: int, values: Any) -> None:
     good, bad = values
-    assert [value for value in good if not is_taken(message, place, value, decode_to_robot)] == []
-    assert [value for value in bad if is_taken(message, place, value, decode_to_robot)] == []
-
-
-@pytest.mark.parametrize(("message", "place", "values"), TO_WORLD)
-def test_a_message_to_the_world_keeps_its_limits(message: list[Any], place: int, values: Any) -> None:
-    good, bad = values
-    assert [value for value in good if not is_taken(message, place, value, decode_to_world)] == []
-    assert [value for value in bad if is_taken(message, place, value, decode_to_world)] == []
+    assert [value for value in good if not is_taken(message, place, value, decode)] == []
+    assert [value for value in bad if is_taken(message, place, value, decode)] == []
 
 
 def test_the_longest_messages_are_as_long_as_receivers_allow() -> None:
@@ -112,11 +106,12 @@ TELEMETRY: dict[str, Any] = {
 }
 Values = tuple[list[Any], list[Any]]
 NUMBER: Values = ([-1e12, 1e12, 0.0], [-1.1e12, 1.1e12, math.nan, "1"])
-AMOUNT: Values = ([0.0, 1e12], [-1e-9, 1.1e12, math.inf])
+AMOUNT: Values = ([0.0, 1e12], [-1e-9, 1.1e12, math.inf, math.nan, 1])
 TEXT: Values = (["", "t" * 500], ["t" * 501, "a\nb", None])
 VIEWS: list[tuple[type[Any], dict[str, Any], str, tuple[list[Any], list[Any]]]] = [
-    (Metrics, METRICS, "k", ([1, 10], [0, 11])),
-    (Metrics, METRICS, "ticks", ([3], [2])),
+    (Metrics, METRICS, "k", ([1, 10], [-1, 0, 11, 1.0])),
+    (Metrics, METRICS, "ticks", ([3], [2, 2**62])),
+    (Metrics, METRICS, "robots", ([[]], [None, [1]])),
     *((Metrics, METRICS, name, AMOUNT) for name in ("time_s", "mfow_s", "mfow_mean_s", "mfow_max_s", "ticks_per_s")),
     (Metrics, METRICS, "seen_share", ([0.0, 1.0], [-1e-9, 1.0000001])),
     (Metrics, METRICS, "stalest", ([None, [1e12, -1e12]], [[1.1e12, 0.0], [1.0], [1.0, 2.0, 3.0]])),

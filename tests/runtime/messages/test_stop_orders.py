@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator
@@ -9,32 +7,26 @@ from pathlib import Path
 import pytest
 
 from fogwatch.commands.control import control
-from runtime.messages.stop_orders import (
-    LONGEST_ANSWER,
-    Order,
-    Outcome,
-    StopOrders,
-    ask_robots,
-    outcome_of,
-    robots_there,
-)
+from runtime.messages import stop_orders
 from runtime.net.link import Link, open_link
 from runtime.security.keys import WORLD, FleetKeys, fleet_keys
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed
 
 SHORT_S = 1.0
-STOPPED = Outcome(True, "stopped by an operator")
+STOPPED = stop_orders.Outcome(True, "stopped by an operator")
 
 
-Answers = list[tuple[str, Outcome]]
+Answers = list[tuple[str, stop_orders.Outcome]]
 
 
-def asked(link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S) -> Answers:
-    return sorted(ask_robots(link, keys, robots, order, wait_s), key=lambda one: one[0])
+def asked(
+    link: Link, keys: FleetKeys, robots: list[str], order: stop_orders.Order, wait_s: float = PATIENCE_S
+) -> Answers:
+    return sorted(stop_orders.ask_robots(link, keys, robots, order, wait_s), key=lambda one: one[0])
 
 
 def test_robots_obey_operators_and_nobody_else() -> None:
-    obeyed: list[tuple[str, Order]] = []
+    obeyed: list[tuple[str, stop_orders.Order]] = []
     with guarded_by_passwords(["r1", "r2"]) as fleet:
         links = {
             user: open_link(fleet.router, PATIENCE_S, credentials=fleet.credentials[user])
@@ -43,25 +35,25 @@ def test_robots_obey_operators_and_nobody_else() -> None:
         for robot in ("r1", "r2"):
             links[f"robot-{robot}"].live(fleet.keys.alive(robot))
 
-            def carry_out(order: Order, robot: str = robot) -> Outcome:
+            def carry_out(order: stop_orders.Order, robot: str = robot) -> stop_orders.Outcome:
                 obeyed.append((robot, order))
                 return STOPPED
 
-            StopOrders(links[f"robot-{robot}"], fleet.keys, robot).obey(carry_out)
+            stop_orders.StopOrders(links[f"robot-{robot}"], fleet.keys, robot).obey(carry_out)
         end = time.monotonic() + PATIENCE_S
         operator = links["operator"]
-        while robots_there(operator, fleet.keys) != ["r1", "r2"]:
+        while stop_orders.robots_there(operator, fleet.keys) != ["r1", "r2"]:
             assert time.monotonic() < end
-        while asked(operator, fleet.keys, ["r1", "r2"], Order.STOP) != [("r1", STOPPED), ("r2", STOPPED)]:
+        while asked(operator, fleet.keys, ["r1", "r2"], stop_orders.Order.STOP) != [("r1", STOPPED), ("r2", STOPPED)]:
             assert time.monotonic() < end
         obeyed.clear()
-        assert asked(operator, fleet.keys, ["r2"], Order.RELEASE) == [("r2", STOPPED)]
+        assert asked(operator, fleet.keys, ["r2"], stop_orders.Order.RELEASE) == [("r2", STOPPED)]
         for other in ("viewer", "robot-r1"):
-            assert asked(links[other], fleet.keys, ["r2"], Order.STOP, SHORT_S) == []
+            assert asked(links[other], fleet.keys, ["r2"], stop_orders.Order.STOP, SHORT_S) == []
         operator.ask(fleet.keys.stop("r1"), b"jump", SHORT_S)
         operator.ask(fleet.keys.stop("r1"), bytes(1000), SHORT_S)
-        assert asked(operator, fleet.keys, ["r1"], Order.STOP) == [("r1", STOPPED)]
-        assert obeyed == [("r2", Order.RELEASE), ("r1", Order.STOP)]
+        assert asked(operator, fleet.keys, ["r1"], stop_orders.Order.STOP) == [("r1", STOPPED)]
+        assert obeyed == [("r2", stop_orders.Order.RELEASE), ("r1", stop_orders.Order.STOP)]
         for link in links.values():
             assert link.close(PATIENCE_S)
 
@@ -69,16 +61,16 @@ def test_robots_obey_operators_and_nobody_else() -> None:
 @pytest.mark.parametrize(
     ("answer", "outcome"),
     [
-        (Outcome(True, "stands").to_bytes(), Outcome(True, "stands")),
-        (Outcome(False, "drives").to_bytes(), Outcome(False, "drives")),
-        (b"", Outcome(False, "")),
-        (b"doner", Outcome(False, "")),
-        (b"\xff\xff done", Outcome(False, "done")),
+        (stop_orders.Outcome(True, "stands").to_bytes(), stop_orders.Outcome(True, "stands")),
+        (stop_orders.Outcome(False, "drives").to_bytes(), stop_orders.Outcome(False, "drives")),
+        (b"", stop_orders.Outcome(False, "")),
+        (b"doner", stop_orders.Outcome(False, "")),
+        (b"\xff\xff done", stop_orders.Outcome(False, "done")),
     ],
 )
-def test_only_a_robot_that_says_so_has_done_it(answer: bytes, outcome: Outcome) -> None:
-    assert outcome_of(answer) == outcome
-    assert len(Outcome(True, "\u20ac" * 1000).to_bytes()) <= LONGEST_ANSWER
+def test_only_a_robot_that_says_so_has_done_it(answer: bytes, outcome: stop_orders.Outcome) -> None:
+    assert stop_orders.outcome_of(answer) == outcome
+    assert len(stop_orders.Outcome(True, "\u20ac" * 1000).to_bytes()) <= stop_orders.LONGEST_ANSWER
 
 
 class Fleet:
@@ -89,19 +81,19 @@ class Fleet:
         self.asked: dict[str, threading.Event] = {}
         self._links: list[Link] = []
 
-    def join(self, name: str, outcome: Outcome | None, after: threading.Event | None = None) -> None:
+    def join(self, name: str, outcome: stop_orders.Outcome | None, after: threading.Event | None = None) -> None:
         """A robot that answers with an outcome, once something has happened; never, if there is none."""
         link = open_link(self.endpoint, PATIENCE_S)
         self._links.append(link)
         heard = self.asked[name] = threading.Event()
 
-        def carry_out(_order: Order) -> Outcome:
+        def carry_out(_order: stop_orders.Order) -> stop_orders.Outcome:
             heard.set()
             assert after is None or after.wait(PATIENCE_S)
             assert outcome is not None
             return outcome
 
-        orders = StopOrders(link, self.keys, name)
+        orders = stop_orders.StopOrders(link, self.keys, name)
         if outcome is not None:
             orders.obey(carry_out)
         link.live(self.keys.alive(name))
@@ -111,7 +103,7 @@ class Fleet:
         looks = open_link(self.endpoint, PATIENCE_S)
         self._links.append(looks)
         end = time.monotonic() + PATIENCE_S
-        while set(robots_there(looks, self.keys)) != set(self.asked):
+        while set(stop_orders.robots_there(looks, self.keys)) != set(self.asked):
             assert time.monotonic() < end
 
     def close(self) -> None:
@@ -178,7 +170,7 @@ def test_neither_no_robot_nor_one_that_may_still_drive_is_a_success(
     assert stop_all(fleet) == 3
     assert "no robot is there" in capsys.readouterr().err
     fleet.join("r1", STOPPED)
-    fleet.join("r2", Outcome(False, "may still drive: its odometry says 0.50 m/s"))
+    fleet.join("r2", stop_orders.Outcome(False, "may still drive: its odometry says 0.50 m/s"))
     fleet.ready()
     assert stop_all(fleet) == 1
     assert "r2: may still drive" in capsys.readouterr().err

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import shutil
 import threading
 import time
@@ -20,31 +18,21 @@ from runtime.net.open_links import open_links
 from runtime.security.credentials import Credentials, read_credentials
 from runtime.security.keys import WORLD, FleetKeys
 from runtime.security.roles import robot_role
-from tests.routers import (
-    PATIENCE_S,
-    Guarded,
-    await_last,
-    await_seen,
-    guarded_by_certificates,
-    guarded_by_passwords,
-    make_local_fleet,
-    needs_openssl,
-    reach,
-)
+from tests import routers
 
-pytestmark = needs_openssl
+pytestmark = routers.needs_openssl
 
 ROBOTS = ("r1", "r2")
 REFUSED_S = 2.0
 """How long somebody without rights tries to get in."""
 FORGED, HONEST = b"forged", b"honest"
 
-Guard = Callable[[], AbstractContextManager[Guarded]]
+Guard = Callable[[], AbstractContextManager[routers.Guarded]]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> FleetFolder:
-    return make_local_fleet(tmp_path_factory.mktemp("fleet") / "f", ROBOTS)
+    return routers.make_local_fleet(tmp_path_factory.mktemp("fleet") / "f", ROBOTS)
 
 
 @pytest.fixture
@@ -56,12 +44,12 @@ def fleet(made: FleetFolder, tmp_path: Path) -> FleetFolder:
 class Members(AbstractContextManager["Members"]):
     """Sessions of a fleet's members at its router."""
 
-    def __init__(self, at: Guarded) -> None:
+    def __init__(self, at: routers.Guarded) -> None:
         self.at = at
         self.keys: FleetKeys = at.keys
         self._links: list[Link] = []
 
-    def join(self, credentials: Credentials | None, wait_s: float = PATIENCE_S) -> Link:
+    def join(self, credentials: Credentials | None, wait_s: float = routers.PATIENCE_S) -> Link:
         self._links.append(open_link(self.at.router, wait_s, credentials=credentials))
         return self._links[-1]
 
@@ -70,12 +58,14 @@ class Members(AbstractContextManager["Members"]):
 
     def __exit__(self, *_: object) -> None:
         for link in self._links:
-            assert link.close(PATIENCE_S)
+            assert link.close(routers.PATIENCE_S)
 
 
 @pytest.fixture(params=["passwords", "certificates"])
 def members(request: pytest.FixtureRequest, made: FleetFolder) -> Iterator[Members]:
-    guard = guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made)
+    guard = (
+        routers.guarded_by_passwords(ROBOTS) if request.param == "passwords" else routers.guarded_by_certificates(made)
+    )
     with guard as at, Members(at) as members:
         yield members
 
@@ -86,7 +76,7 @@ def letters(*keys: str) -> Mailbox[bytes | Presence]:
 
 def await_honest(post: Callable[[bytes], None], mailbox: Mailbox[Any]) -> list[tuple[str, object]]:
     """Send until something arrives; return all that has arrived by then."""
-    found: list[tuple[str, object]] = [reach(post, mailbox, HONEST)]
+    found: list[tuple[str, object]] = [routers.reach(post, mailbox, HONEST)]
     while (arrived := mailbox.get()) is not None:
         found.append(arrived)
     return found
@@ -106,7 +96,7 @@ def test_a_robot_speaks_for_itself_alone(members: Members) -> None:
         for _ in range(20):
             forge(FORGED)
         honestly(b"last")
-        assert await_last(mailbox, (honest, b"last")) == {honest}
+        assert routers.await_last(mailbox, (honest, b"last")) == {honest}
 
 
 @pytest.mark.parametrize("who", ["robot-r2", "viewer", "operator"])
@@ -150,7 +140,7 @@ def test_nobody_is_present_in_another_s_name(members: Members, who: str) -> None
     impostor.live(keys.alive("r1"))
     impostor.live(keys.alive(WORLD))
     members["robot-r2"].live(keys.alive("r2"))
-    assert present.get(PATIENCE_S) == (keys.alive("r2"), Presence(True))
+    assert present.get(routers.PATIENCE_S) == (keys.alive("r2"), Presence(True))
     present.put(keys.alive("r2"), Presence(False))
     assert present.get() == (keys.alive("r2"), Presence(False)), "the impostor came first"
     assert not any(members["operator"].sees(keys.alive(name)) for name in (WORLD, "r1"))
@@ -185,10 +175,10 @@ def _unread(_payload: bytes) -> Question:
 
 def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
     """Return whether the world is asked and its answer arrives, however long it takes until it is known."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + routers.PATIENCE_S
     got: list[bytes | None] = [None]
     while got[0] is None and time.monotonic() < end:
-        asking = threading.Thread(target=lambda: got.__setitem__(0, link.ask(key, b"q", PATIENCE_S)))
+        asking = threading.Thread(target=lambda: got.__setitem__(0, link.ask(key, b"q", routers.PATIENCE_S)))
         asking.start()
         while asking.is_alive():
             if (arrived := asked.get(0.05)) is not None:
@@ -199,7 +189,7 @@ def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
 
 @pytest.mark.parametrize("who", ["nobody", "wrong", "another's", "unknown"])
 def test_a_password_must_be_the_member_s_own(who: str) -> None:
-    with guarded_by_passwords(ROBOTS) as at, Members(at) as members:
+    with routers.guarded_by_passwords(ROBOTS) as at, Members(at) as members:
         r1, r2 = at.credentials["robot-r1"], at.credentials["robot-r2"]
         wrong = {
             "nobody": None,
@@ -223,7 +213,7 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
     issue(tmp_path / "authority", folders["stranger"], "robot-r1.1", 1)
     shutil.copyfile(good / "authority.pem", folders["stranger"] / "authority.pem")
     shutil.copyfile(fleet.path / "r2" / "key.pem", folders["swapped"] / "key.pem")
-    with guarded_by_certificates(fleet) as at, Members(at) as members:
+    with routers.guarded_by_certificates(fleet) as at, Members(at) as members:
         refused = {
             "expired": at.credentials["robot-late"],
             "wrong authority": read_credentials(folders["stranger"], "test"),
@@ -239,9 +229,9 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
 
 
 def test_a_member_does_not_join_a_router_that_another_authority_has_made(fleet: FleetFolder, tmp_path: Path) -> None:
-    other = make_local_fleet(tmp_path / "other", ROBOTS)
+    other = routers.make_local_fleet(tmp_path / "other", ROBOTS)
     mine = read_credentials(fleet.path / "operator", "test")
-    with guarded_by_certificates(other) as at, Members(at) as members:
+    with routers.guarded_by_certificates(other) as at, Members(at) as members:
         with pytest.raises(NotAdmitted):
             members.join(mine, REFUSED_S)
         assert members.join(at.credentials["operator"]).connected
@@ -251,7 +241,7 @@ def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
     """A robot's certificate is good for a client alone."""
     for name in ("certificate.pem", "key.pem"):
         shutil.copyfile(fleet.path / "r2" / name, fleet.path / "router" / name)
-    with guarded_by_certificates(fleet) as at, pytest.raises(NotAdmitted):
+    with routers.guarded_by_certificates(fleet) as at, pytest.raises(NotAdmitted):
         Members(at).join(at.credentials["operator"], REFUSED_S)
 
 
@@ -260,7 +250,7 @@ def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: 
     keys_of = robot_role("r2")
     fleet.revoke(keys_of, 1)
     fleet.add(keys_of, days=1)
-    with guarded_by_certificates(fleet) as at, Members(at) as members:
+    with routers.guarded_by_certificates(fleet) as at, Members(at) as members:
         keys, world, thief = at.keys, members["world"], members.join(stolen)
         mailbox = letters(keys.reply("r1"), keys.reply("r2"), keys.alive("r2"))
         world.subscribe(keys.reply("*"), mailbox)
@@ -293,8 +283,8 @@ def test_a_viewer_sees_what_observers_may_see(members: Members) -> None:
     viewer.watch(keys.alive("*"), present)
     world = members["world"]
     world.live(keys.alive(WORLD))
-    assert present.get(PATIENCE_S) == (keys.alive(WORLD), Presence(True))
-    await_seen(viewer, keys.alive(WORLD))
-    assert world.close(PATIENCE_S)
-    while (arrived := present.get(PATIENCE_S)) != (keys.alive(WORLD), Presence(False)):
+    assert present.get(routers.PATIENCE_S) == (keys.alive(WORLD), Presence(True))
+    routers.await_seen(viewer, keys.alive(WORLD))
+    assert world.close(routers.PATIENCE_S)
+    while (arrived := present.get(routers.PATIENCE_S)) != (keys.alive(WORLD), Presence(False)):
         assert arrived is not None, "nobody says that it has gone"

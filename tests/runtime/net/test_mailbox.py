@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from runtime.net.mailbox import Mailbox, Payload
 
 

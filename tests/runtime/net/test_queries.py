@@ -1,7 +1,5 @@
 """Queries while processes and routers come and go: Zenoh may end one at once though somebody could answer."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

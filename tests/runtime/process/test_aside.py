@@ -1,7 +1,5 @@
 """Work in a copy of this process: results, errors, and ends."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

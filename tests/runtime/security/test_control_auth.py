@@ -1,7 +1,5 @@
 """Operators and worlds that prove to each other that they know a token, and what those without it can do."""
 
-from __future__ import annotations
-
 import hmac
 import json
 import struct

@@ -3,8 +3,6 @@
 Where a test breaks the radio itself, the replay is broken in the same way and finds nothing: other checks have to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar

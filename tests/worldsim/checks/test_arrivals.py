@@ -1,7 +1,5 @@
 """Parts of the checks of arrivals, by themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The verdict on bodies that overlap, on bumps, and on batteries."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The verdict on a fleet that saves on its radio: bits are counted, and nobody is silent who should not be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

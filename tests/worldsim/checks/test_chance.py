@@ -1,7 +1,5 @@
 """The statistical checks: few false alarms, whenever one stops counting, and power against another radio."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verdict on drifts, clocks and motion faults: each is as large as configured, and a world that differs fails."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The verdict on frames that were stopped: too few, too many, the wrong ones, or for no reason at all."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

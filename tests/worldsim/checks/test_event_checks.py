@@ -1,7 +1,5 @@
 """The verdict's check of the journal's events: forged ones, missing ones and moved ones are caught."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

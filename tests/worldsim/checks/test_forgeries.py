@@ -1,7 +1,5 @@
 """The verdict on what is forged: as asked it passes; a forger that does anything else is found out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The verdict on the radio model, from the journal alone: what it lost had to be lost, and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The check of progress warns of trapped robots, of fog that grows to the end, and of ground that nobody has seen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

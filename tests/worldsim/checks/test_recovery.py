@@ -1,5 +1,4 @@
-from __future__ import annotations
-
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -78,12 +77,6 @@ def gone(journal: MemoryJournal, ticks: range, status: Status) -> None:
         move(journal, k, 4, status=status)
 
 
-def test_a_fleet_that_is_never_whole_again_is_not_judged(lab: Lab) -> None:
-    result = run(lab)
-    gone(result[1], range(10, 40), Status.LEFT)
-    assert recovery(result, 2.0).detail == "not judged: r4 is still away at the end, after all faults"
-
-
 def test_a_robot_that_comes_some_ticks_after_the_last_fault_does_not_prevent_judging(lab: Lab) -> None:
     """A process that is started again is there some ticks later; recovery counts from then on."""
     result = run(lab)
@@ -96,13 +89,18 @@ def test_a_robot_that_comes_some_ticks_after_the_last_fault_does_not_prevent_jud
     assert recovery(short, 1.0).detail == detail
 
 
-def test_a_run_that_ends_before_the_healing_is_not_judged(lab: Lab) -> None:
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda journal: gone(journal, range(10, 40), Status.LEFT), "r4 is still away at the end, after all faults"),
+        (lambda journal: journal.records.__delitem__(slice(8, None)), "the run ended before all faults were over"),
+        (lambda journal: journal.write(Event(20, "fault", None, "f2 begins")), "a fault was added at tick 20"),
+    ],
+    ids=["never whole again", "ends before the healing", "a later fault"],
+)
+def test_what_leaves_no_time_to_recover_is_not_judged(
+    lab: Lab, spoil: Callable[[MemoryJournal], None], why: str
+) -> None:
     result = run(lab)
-    del result[1].records[8:]
-    assert recovery(result, 2.0).detail == "not judged: the run ended before all faults were over"
-
-
-def test_a_later_fault_that_somebody_asked_for_is_not_judged(lab: Lab) -> None:
-    result = run(lab)
-    result[1].write(Event(20, "fault", None, "f2 silence begins: r2"))
-    assert recovery(result, 2.0).detail == "not judged: a fault was added at tick 20"
+    spoil(result[1])
+    assert recovery(result, 2.0).detail == f"not judged: {why}"

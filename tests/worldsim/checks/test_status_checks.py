@@ -1,7 +1,5 @@
 """The verdict on faults that befall robots: planned ones pass, and every check can fail."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

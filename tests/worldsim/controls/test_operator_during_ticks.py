@@ -1,7 +1,5 @@
 """What operators ask for while a tick is waited for: the pace at once, all else before the next tick."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Zones that an operator switches: when they act, what is refused, what robots learn, and the same trace again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scripted robots, and a clock that only waiting moves."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar

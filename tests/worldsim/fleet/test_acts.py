@@ -1,7 +1,5 @@
 """Faults of robots between ticks: which take part, which stand in the way, where they come back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """What nobody waits for is done while the world waits for its robots, and changes nothing that a run leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any

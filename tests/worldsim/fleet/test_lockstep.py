@@ -1,7 +1,5 @@
 """Sessions, lockstep and pace against scripted robots and a clock of the test's own."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

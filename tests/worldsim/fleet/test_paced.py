@@ -1,7 +1,5 @@
 """At a pace: what holds up the world costs no robot a deadline and is counted, and the ticks find back to the clock."""
 
-from __future__ import annotations
-
 import pytest
 
 from patrol.exchange import Reply

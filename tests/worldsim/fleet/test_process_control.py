@@ -1,7 +1,5 @@
 """The hands over processes: what the world asks the launcher for, and whom it takes for a robot afterwards."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

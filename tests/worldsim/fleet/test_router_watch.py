@@ -1,7 +1,5 @@
 """A router that stands still is no reason to lose a robot; one that answers is none to wait."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from patrol.journal import Status

@@ -1,7 +1,5 @@
 """The process that speaks for a robot: when another one wants to, and when it cannot go on."""
 
-from __future__ import annotations
-
 import pytest
 
 from patrol.exchange import Reply

@@ -1,7 +1,5 @@
 """The summary: figures of the run, of links, of faults and of intruders, from the journal alone."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The ether: every directed pair for itself, every frame accounted for, and what the faults do to frames."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

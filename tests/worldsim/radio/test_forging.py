@@ -1,7 +1,5 @@
 """Forged frames: what they say, who hears them, and what a key changes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

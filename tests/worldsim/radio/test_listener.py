@@ -1,7 +1,5 @@
 """The world as a listener to robots that hear each other directly."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Radio models of one's own: found and checked like policies, drawn for each link, and never run by a verdict."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The model path-loss: how often frames are lost, by distance, walls and interference, measured against the formula."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Walls on a line: the world's count is what geometry finds, and lies within the verdict's bounds."""
 
-from __future__ import annotations
-
 from itertools import groupby
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Closures in the world: when they close, what they stop and what robots see of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Bodies in motion: whatever is commanded, nobody is ever inside a wall or another body, at any time of a step."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

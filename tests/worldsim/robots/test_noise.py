@@ -1,7 +1,5 @@
 """Motion noise: as large as configured, new where it should be, and the same for the same seed, robot and tick."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Mapping

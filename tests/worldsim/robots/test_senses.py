@@ -1,7 +1,5 @@
 """Wrong about place and time: what robots are told, and that only what they say follows from it."""
 
-from __future__ import annotations
-
 import statistics
 from itertools import pairwise
 from typing import Any

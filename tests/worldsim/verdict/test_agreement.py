@@ -1,7 +1,5 @@
 """The comparison of a stated verdict with one that could not repeat all of its checks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The summary's figures against those that the verdict adds up from the raw ticks by code of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The verdict: a good run passes every check, and every check can fail."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

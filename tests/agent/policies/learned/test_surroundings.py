@@ -1,7 +1,5 @@
 """The kernels of observations, against plain loops."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ground that counts for nothing exerts no force: the table of forces ends with the age of the stalest point."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Joint plans: every station stays in one route, no move makes a plan worse, and the chosen station comes first."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 
