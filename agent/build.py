@@ -34,6 +34,7 @@ from agent.sender import Sending
 from agent.view import FogView
 from patrol.closures.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
+from patrol.measures.zoned import with_rounds
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.peers import Predictor
 from patrol.random import Purpose
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 class Shared:
     """Values that the minds of one process share, to save time and memory."""
 
+    kind: PolicyKind
     known: Prepared  # see `known_to_robots`
     fleet: FleetSetup
     footprint: Footprint
@@ -94,9 +96,17 @@ class Shared:
 
 
 def shared_by(
-    prepared: Prepared, footprint: Footprint | None = None, *, psi: Psi | None = None, believers: Sequence[int] = ()
+    prepared: Prepared,
+    footprint: Footprint | None = None,
+    *,
+    psi: Psi | None = None,
+    believers: Sequence[int] = (),
+    kind: PolicyKind | None = None,
 ) -> Shared:
-    """Make the parts that the minds of a scenario can share; `footprint` and `psi` are computed unless given.
+    """Make the parts that the minds of a scenario can share.
+
+    `footprint` and `psi` are computed unless given, `kind` is the scenario's policy unless given, and rounds that it
+    follows are found unless they were prepared.
 
     The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then the
     caller lets `Shared.beliefs` hear for all of them, and then each decide.
@@ -108,9 +118,10 @@ def shared_by(
     if believers and not sensor.changes:
         inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True)
-    chance = Chance(scenario.seed, key)
+    chance, kind = Chance(scenario.seed, key), kind or policy_of(scenario)
     return Shared(
-        known=known_to_robots(prepared),
+        kind=kind,
+        known=known_to_robots(with_rounds(prepared) if kind.follows_rounds else prepared),
         fleet=fleet_setup(scenario, chance),
         footprint=sensor,
         psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
@@ -135,13 +146,11 @@ def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
     return FleetSetup(scenario.step, scenario.roster, scenario.patrol, scenario.docks, draw)
 
 
-def build_mind(
-    prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None, kind: PolicyKind | None = None
-) -> Mind:
+def build_mind(prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None) -> Mind:
     """Put the mind of one robot together; robots and their incarnations are numbered from 1.
 
     The incarnation is 1 for the robot's first process, and one more for each restart. Unless given, `shared` is made
-    for this mind alone, and `kind` is the scenario's. A policy that cannot be made raises `PolicyFailed`.
+    for this mind alone. A policy that cannot be made raises `PolicyFailed`.
     """
     shared = shared or shared_by(prepared)
     scenario, fields = prepared.scenario, prepared.fields[number]
@@ -149,7 +158,7 @@ def build_mind(
     sight = sensor_footprint(scenario, prepared.terrain) if scenario.closures else shared.footprint
     terrain = sight.terrain if scenario.closures else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    kind = kind or policy_of(scenario)
+    kind = shared.kind
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
@@ -241,6 +250,6 @@ def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
 
 
-def mind_maker(prepared: Prepared, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
+def mind_maker(prepared: Prepared, shared: Shared) -> MakeMind:
     """Return a function that makes the minds of a scenario, with all parts shared that can be."""
-    return lambda number, incarnation: build_mind(prepared, number, incarnation, shared, kind)
+    return lambda number, incarnation: build_mind(prepared, number, incarnation, shared)

@@ -18,6 +18,7 @@ from fogwatch.workers import WithoutProcesses, Workers
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
+from patrol.measures.zoned import with_rounds
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.radio.message import as_received
@@ -213,8 +214,8 @@ def fleet_of(
     kind = kind or policy_of(prepared.scenario)
     if numbers is None:
         numbers = prepared.scenario.numbers
-    shared = shared_by(prepared, footprint, believers=numbers if share else ())
-    make = mind_maker(prepared, shared, kind)
+    shared = shared_by(prepared, footprint, believers=numbers if share else (), kind=kind)
+    make = mind_maker(prepared, shared)
     minds: dict[int, Mind] = {}
     for number in sorted(set(numbers) & set(world.living)):
         try:
@@ -261,17 +262,19 @@ def run_in_process(
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     check_in_process(prepared.scenario)
+    kind = policy_of(prepared.scenario)
+    prepared = with_rounds(prepared, kind.follows_rounds)
     world = World(prepared, footprint=(footprint := sensor_footprint(prepared.scenario, prepared.terrain)))
     fleet: InProcessFleet | Workers
     minds: Mapping[int, Mind] = {}
     if workers > 1:
 
         def make_part(numbers: Sequence[int], failure: PolicyFailure) -> InProcessFleet:
-            return fleet_of(world, footprint, share=share, failure=failure, numbers=numbers)
+            return fleet_of(world, footprint, kind=kind, share=share, failure=failure, numbers=numbers)
 
         fleet = Workers(workers, prepared.scenario.numbers, make_part, failure)
     else:
-        fleet = fleet_of(world, footprint, share=share, failure=failure)
+        fleet = fleet_of(world, footprint, kind=kind, share=share, failure=failure)
         minds = fleet.minds
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]

@@ -1,5 +1,8 @@
 """Everything about a scenario that never changes while it runs: the terrain, the starts, each body's static fields.
 
+`prepare` finds the ground. What robots follow on it, rounds and the ground of zones, takes seconds to find and is of
+use to those that run minds only, so it is a step of its own: `patrol.measures.zoned.with_rounds`.
+
 The launcher prepares once and saves; its children load the same arrays memory-mapped, so a fleet holds one copy.
 """
 
@@ -8,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,32 +65,30 @@ class Prepared:
     starts: tuple[Pose, ...]  # in roster order
     fields: Mapping[int, StaticFields]  # by robot number
     regions: Mapping[int, RegionSplit] | None = None  # by robot number; None where paths do not lead through regions
-    # by robot number, made on demand by `patrol.measures.best_tour.round_of`
-    rounds: dict[int, Round | None] = field(default_factory=dict)
-    # by zones in force and their weights, made on demand by `patrol.measures.zoned.zoned_ground`; bounded
-    zoned: dict[Weighing, ZonedGround] = field(default_factory=dict)
+    # by robot number, without zones; None before `patrol.measures.zoned.with_rounds`
+    rounds: Mapping[int, Round | None] | None = None
+    # by zones in force and their weights; empty before the same, and without zones that weigh
+    zoned: Mapping[Weighing, ZonedGround] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions."""
         return None if self.regions is None else self.regions[number]
 
-    @cached_property
+    @property
     def patrolled(self) -> BoolGrid:
         """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
-        distinct = list({id(fields): fields for fields in self.fields.values()}.values())
-        return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+        distinct = list({id(fields): fields.patrolled for fields in self.fields.values()}.values())
+        return distinct[0] if len(distinct) == 1 else frozen_grid(np.logical_or.reduce(distinct))
 
-    @cached_property
-    def left_out(self) -> LeftOut | None:
-        """The free ground that no robot sees; None where there is none, and where vertices are patrolled instead."""
+    def find_left_out(self) -> LeftOut | None:
+        """Find the free ground that no robot sees; None without any, and where vertices are patrolled instead."""
         if self.scenario.terrain.patrolled == VERTICES:
             return None
         narrowest = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
         return left_out(self.terrain, self.patrolled, self.fields[narrowest.number], narrowest.radius)
 
-    @cached_property
-    def graph(self) -> Graph:
-        """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
+    def make_graph(self) -> Graph:
+        """Make the terrain's graph: the scenario's, or one from the ground of the smallest robots, which takes long."""
         graph_spec = self.scenario.terrain.graph
         if graph_spec is not None:
             return graph_of(graph_spec.vertices, graph_spec.edges, graph_spec.pixel, graph_spec.visit)
@@ -117,7 +117,8 @@ class Prepared:
             if not split_folder.exists():
                 split.save(split_folder)
         file_names: dict[int, str] = {}
-        for laid_out in self.rounds.values():
+        rounds = self.rounds or {}
+        for laid_out in rounds.values():
             if laid_out is not None and id(laid_out) not in file_names:
                 file_names[id(laid_out)] = f"round-{len(file_names) + 1}"
                 laid_out.save(folder / file_names[id(laid_out)])
@@ -129,7 +130,7 @@ class Prepared:
             "origin": list(self.terrain.origin),
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
-            "rounds": {str(number): laid_out and file_names[id(laid_out)] for number, laid_out in self.rounds.items()},
+            "rounds": {str(number): laid_out and file_names[id(laid_out)] for number, laid_out in rounds.items()},
             "zoned": [sorted(weighing) for weighing in self.zoned],
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
@@ -150,7 +151,7 @@ class Prepared:
             starts=tuple(Pose(*start) for start in facts["starts"]),
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, facts["fields"]),
-            rounds={int(number): part and rounds[part] for number, part in facts["rounds"].items()},
+            rounds={int(number): part and rounds[part] for number, part in facts["rounds"].items()} or None,
             zoned={
                 frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
                 for number, weighing in enumerate(facts["zoned"])

@@ -54,7 +54,8 @@ class Commitment:
     def __init__(self, setup: PolicySetup) -> None:
         self._setup = setup
         self.pursuit = Pursuit(setup)
-        self.choice: Choice = FreeChoice(setup)
+        self._free = FreeChoice(setup)
+        self.choice: Choice = self._free
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(RANDOM_MOVE)
         self._step = setup.fleet.step

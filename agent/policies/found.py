@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from agent.ports import Policy, PolicySetup
 from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
 from patrol.errors import BadInput
+from patrol.scenario import CommitmentOptions
 from patrol.scenario.patrols import PAPER as PAPER_PATROL
 from patrol.scenario.policies import COMMITTED, LEARNED, PAPER, STOCHASTIC
 from patrol.values import Section
@@ -62,6 +63,11 @@ class PolicyKind:
     make: Callable[[PolicySetup], Policy]
     options: Any  # the scenario's, as the policy's own model; an empty mapping where it has none
     ours: bool  # it comes with fogwatch, so that its failures are bugs
+
+    @property
+    def follows_rounds(self) -> bool:
+        """True if it follows tours, or draws from their stations, as also a class that extends such a policy does."""
+        return isinstance(self.options, CommitmentOptions)
 
 
 def policy_named(scenario: Scenario) -> NamedClass:

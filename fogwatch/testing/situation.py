@@ -170,10 +170,10 @@ def draw_situation(
         setups.append(setup)
         return kind.make(setup)
 
-    shared: Shared = shared_by(prepared)
-    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
     noted = PolicyKind(kind.name, make, kind.options, kind.ours)
-    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind), kind=noted)
+    shared: Shared = shared_by(prepared, kind=noted)
+    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
+    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind))
     ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
     silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:
