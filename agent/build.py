@@ -22,7 +22,7 @@ from agent.belief.posts import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance
-from agent.mind import Facts, MakeMind, Mind
+from agent.mind import Facts, Mind
 from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
 from agent.policies.surround import Surround
@@ -40,6 +40,7 @@ from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.zones.ground import SpeedLimits
+from runtime.process.deadline import DECISION_LIMIT_S
 from runtime.security.private_files import fleet_key
 
 if TYPE_CHECKING:
@@ -54,8 +55,9 @@ if TYPE_CHECKING:
 class Shared:
     """Values that the minds of one process share, to save time and memory."""
 
-    kind: PolicyKind
+    prepared: Prepared
     known: Prepared  # see `known_to_robots`
+    kind: PolicyKind
     fleet: FleetSetup
     footprint: Footprint
     psi: Psi
@@ -120,8 +122,9 @@ def shared_by(
         beliefs = Beliefs(inboxes, sensor, shares=True)
     chance, kind = Chance(scenario.seed, key), kind or policy_of(scenario)
     return Shared(
-        kind=kind,
+        prepared=prepared,
         known=known_to_robots(with_rounds(prepared) if kind.follows_rounds else prepared),
+        kind=kind,
         fleet=fleet_setup(scenario, chance),
         footprint=sensor,
         psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
@@ -146,19 +149,18 @@ def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
     return FleetSetup(scenario.step, scenario.roster, scenario.patrol, scenario.docks, draw)
 
 
-def build_mind(prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None) -> Mind:
+def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     """Put the mind of one robot together; robots and their incarnations are numbered from 1.
 
-    The incarnation is 1 for the robot's first process, and one more for each restart. Unless given, `shared` is made
-    for this mind alone. A policy that cannot be made raises `PolicyFailed`.
+    The incarnation is 1 for the robot's first process, and one more for each restart. A policy that cannot be made
+    raises `PolicyFailed`.
     """
-    shared = shared or shared_by(prepared)
+    prepared, kind = shared.prepared, shared.kind
     scenario, fields = prepared.scenario, prepared.fields[number]
     # On ground with closures each mind has a sensor of its own, on the ground as it believes it.
     sight = sensor_footprint(scenario, prepared.terrain) if scenario.closures else shared.footprint
     terrain = sight.terrain if scenario.closures else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    kind = shared.kind
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
@@ -204,6 +206,7 @@ def build_mind(prepared: Prepared, number: int, incarnation: int = 1, shared: Sh
         key=shared.key,
         zones=scenario.zones,
         speed_limits=shared.speed_limits,
+        limit_s=None if kind.ours else DECISION_LIMIT_S,
     )
     fog = FogView(belief, fields.patrolled, posts)
     memory = math.floor(patrol.blocked_memory / scenario.step)
@@ -248,8 +251,3 @@ def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
     silence = radio.silence_ticks(scenario.step)
     predictor = Predictor(terrain, radio.trail_every, silence)
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
-
-
-def mind_maker(prepared: Prepared, shared: Shared) -> MakeMind:
-    """Return a function that makes the minds of a scenario, with all parts shared that can be."""
-    return lambda number, incarnation: build_mind(prepared, number, incarnation, shared)

@@ -173,7 +173,7 @@ def draw_situation(
     noted = PolicyKind(kind.name, make, kind.options, kind.ours)
     shared: Shared = shared_by(prepared, kind=noted)
     blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
-    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind))
+    mind = build_mind(replace(shared, beliefs=blind), 1)
     ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
     silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:

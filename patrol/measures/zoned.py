@@ -93,8 +93,8 @@ def _with_switched(weighing: Weighing, name: str, weight: float | None) -> Weigh
 class ZonedGrounds:
     """The ground of a fleet under each set of zones in force: as prepared, or found when they come into force.
 
-    The minds of one process share one, and a verdict has its own. It raises BadInput where there is a wanted age, and no
-    tour that says how it compares with the other ground.
+    The minds of one process share one, and a verdict has its own. It raises BadInput where there is a wanted age, and
+    no tour that says how it compares with the other ground.
     """
 
     def __init__(self, prepared: Prepared) -> None:

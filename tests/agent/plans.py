@@ -95,7 +95,7 @@ class Robots:
         starts = at_poses or prepared.starts
         self.bodies = [Body(spec, start, halted(spec.model)) for spec, start in zip(roster, starts, strict=True)]
         shared = shared_by(prepared)
-        self.minds: list[Mind] = [build_mind(prepared, spec.number, shared=shared) for spec in roster]
+        self.minds: list[Mind] = [build_mind(shared, spec.number) for spec in roster]
         for mind, intent in zip(self.minds, intents, strict=False):
             mind.policy = Says(intent)
         self.k = 0

@@ -57,7 +57,7 @@ def test_without_refinement_there_is_no_psi(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("number", "goal_m"), [(1, 5.5), (2, 1.65), (3, 1.65)])
 def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number: int, goal_m: float) -> None:
     shared = shared_by(mixed)
-    body = build_mind(mixed, number, shared=shared).body
+    body = build_mind(shared, number).body
     goals = body.goals  # type: ignore[attr-defined]
     assert isinstance(goals, GoalFinder)
     ground = shared.ground_of(mixed.terrain, mixed.fields[number])
@@ -76,7 +76,7 @@ def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_
     saved = shared_by(mixed, psi=load_psi(mixed.scenario, tmp_path))
     for number in (1, 2, 3):
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
-        decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]
+        decisions = [build_mind(shared, number).step(sensed, []) for shared in (shared_by(mixed), saved)]
         assert decisions[0] == decisions[1]
 
 
