@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
-from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
+from patrol.classes.named_class import ClassSort, NamedClass, load
 from patrol.errors import BadInput
 from patrol.scenario import CommitmentOptions
 from patrol.scenario.patrols import PAPER as PAPER_PATROL
@@ -85,9 +85,10 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     It raises `BadInput` where the policy cannot be found or loaded, its file is not the one that the scenario was
     resolved with, or it does not take the options.
     """
-    named, options = policy_named(scenario), scenario.patrol.options
-    maker = find(named)
-    if not isinstance(options, Section):  # those of a built-in policy were checked with the scenario
-        options = options_of(named, maker)
-    make = cast(Callable[[PolicySetup], Policy], maker)
-    return PolicyKind(named.name, make, options, named.name in POLICIES.built_in)
+    named, given = policy_named(scenario), scenario.patrol.options
+    maker, options = load(named)
+    # Those of a built-in policy were checked with the scenario.
+    options = given if isinstance(given, Section) else options
+    return PolicyKind(
+        named.name, cast(Callable[[PolicySetup], Policy], maker), options, named.name in POLICIES.built_in
+    )
