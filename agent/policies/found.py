@@ -85,10 +85,9 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     It raises `BadInput` where the policy cannot be found or loaded, its file is not the one that the scenario was
     resolved with, or it does not take the options.
     """
-    named, given = policy_named(scenario), scenario.patrol.options
-    maker, options = load(named)
-    # Those of a built-in policy were checked with the scenario.
-    options = given if isinstance(given, Section) else options
+    maker, options = load(named := policy_named(scenario))
+    if isinstance(scenario.patrol.options, Section):  # they were checked with the scenario
+        options = scenario.patrol.options
     return PolicyKind(
         named.name, cast(Callable[[PolicySetup], Policy], maker), options, named.name in POLICIES.built_in
     )

@@ -171,8 +171,8 @@ class SharedRound(Commitment):
         self._round: Round | None = None
         if (divisions := self._free.zones.under(self._weighing)) is not None:
             self._take_zones(divisions)
-        elif (rounds := prepared.rounds) is not None and (laid_out := rounds[number]) is not None:
-            self._choose_on(self._begin_round(laid_out, followers_of(rounds, number), None))
+        elif (laid_out := prepared.rounds.get(number)) is not None:
+            self._choose_on(self._begin_round(laid_out, followers_of(prepared.rounds, number), None))
 
     def _choose_on(self, on_round: RoundChoice | None) -> None:
         self.on_round, self.choice = on_round, on_round or self._free

@@ -80,8 +80,8 @@ def find(named: NamedClass) -> type[Any]:
 
 def load(named: NamedClass) -> tuple[type[Any], Any]:
     """Import the class that a name stands for (`find`), and return it with its validated options."""
-    found = find(named)
-    return found, options_of(named, found)
+    named_type = find(named)
+    return named_type, options_of(named, named_type)
 
 
 def options_of(named: NamedClass, found: type[Any]) -> Any:

@@ -54,7 +54,7 @@ def with_rounds(prepared: Prepared, needed: bool = True, *, switched: bool = Fal
     """
     scenario = prepared.scenario
     if not any(zone.weighs for zone in scenario.zones):
-        return replace(prepared, rounds=rounds_of(prepared)) if needed and prepared.rounds is None else prepared
+        return replace(prepared, rounds=rounds_of(prepared)) if needed and not prepared.rounds else prepared
     if prepared.zoned:
         return prepared
     grounds, sets = ZonedGrounds(prepared), _timed_sets(scenario)
