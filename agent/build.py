@@ -6,9 +6,9 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
-    from patrol.scenario import PatrolSpec, Scenario
+    from patrol.scenario import Scenario
     from patrol.scenario.lengths import BodyLengths
 
 
@@ -66,35 +66,13 @@ class Shared:
     speed_limits: SpeedLimits
     key: bytes | None  # of the fleet's tags, or None
     chance: Chance
+    # of the bodies with some static fields, and for an area a window of some points in each direction; made once
+    ground_of: Callable[[StaticFields], Ground]  # with nothing closed
+    posts_of: Callable[[StaticFields], Posts]
+    area_of: Callable[[StaticFields, int], Area]
     scratch: dict[str, Any] = field(default_factory=dict)  # working memory of policies, by name
     # what the minds believe and have heard; None where each has its own, as in a process
     beliefs: Beliefs | None = None
-    # by identity of a body's static fields, which live as long as the scenario, and dilatation
-    areas: dict[tuple[int, int], Area] = field(default_factory=dict)
-    posts: dict[int, Posts] = field(default_factory=dict)  # by identity of the static fields
-    grounds: dict[int, Ground] = field(default_factory=dict)  # likewise, with nothing closed
-
-    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
-        """Return the ground of one kind of body, with nothing closed."""
-        if id(fields) not in self.grounds:
-            self.grounds[id(fields)] = Ground(terrain, fields.reach)
-        return self.grounds[id(fields)]
-
-    def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
-        """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
-        if id(fields) not in self.posts:
-            without = patrol.paths == "straight"
-            self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if without else fields.proxy)
-        return self.posts[id(fields)]
-
-    def area_of(self, fields: StaticFields, patrol: PatrolSpec, dilatation: int) -> Area:
-        """Return the area of one kind of body, for a window of some points in each direction."""
-        kind = id(fields), dilatation
-        if kind not in self.areas:
-            ground = fields.patrolled if patrol.paths == "straight" else fields.reach & fields.patrolled
-            square = "square-window" in patrol.paper_rules
-            self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, patrol), dilatation, square)
-        return self.areas[kind]
 
 
 def shared_by(
@@ -120,6 +98,19 @@ def shared_by(
     if believers and not sensor.changes:
         inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True)
+    is_straight = scenario.patrol.paths == "straight"
+
+    @cache
+    def posts_of(fields: StaticFields) -> Posts:
+        # On straight paths, which know no walls, each point is its own post.
+        return Posts(np.full_like(fields.proxy, -1) if is_straight else fields.proxy)
+
+    @cache
+    def area_of(fields: StaticFields, dilatation: int) -> Area:
+        ground = fields.patrolled if is_straight else fields.reach & fields.patrolled
+        is_square = "square-window" in scenario.patrol.paper_rules
+        return Area(fields.patrolled, ground, posts_of(fields), dilatation, is_square)
+
     chance, kind = Chance(scenario.seed, key), kind or policy_of(scenario)
     return Shared(
         prepared=prepared,
@@ -133,6 +124,9 @@ def shared_by(
         speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
         key=key,
         chance=chance,
+        ground_of=cache(lambda fields: Ground(prepared.terrain, fields.reach)),
+        posts_of=posts_of,
+        area_of=area_of,
         beliefs=beliefs,
     )
 
@@ -164,13 +158,13 @@ def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
-    posts = shared.posts_of(fields, patrol)
+    posts = shared.posts_of(fields)
     moves_posts = scenario.closures and patrol.paths != "straight"
     if moves_posts:
         posts = Posts(fields.proxy)
-    belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
+    belief = beliefs.join(number, shared.area_of(fields, _dilation_points(scenario, terrain, lengths, kind)))
     # Where closures change it, the terrain is the mind's own.
-    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(terrain, fields).over()
+    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(fields).over()
     policy = _policy_of(
         kind,
         PolicySetup(

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
 from agent.policies.pursuit import TRIES, Target, age_of
-from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
+from agent.routes.ground import NO_PATHS, BoxPaths
+from agent.routes.wave import LONGEST, Box, box_around, paths_in
 from patrol.measures.zoned import ZonedGrounds
 from patrol.radio.peers import places_of
 

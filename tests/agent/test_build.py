@@ -60,7 +60,7 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
     body = build_mind(shared, number).body
     goals = body.goals  # type: ignore[attr-defined]
     assert isinstance(goals, GoalFinder)
-    ground = shared.ground_of(mixed.terrain, mixed.fields[number])
+    ground = shared.ground_of(mixed.fields[number])
     lengths = replace(mixed.scenario.lengths[number], goal_distance=goal_m)
     start = ground.join(mixed.starts[number - 1].x, mixed.starts[number - 1].y)
     assert start
