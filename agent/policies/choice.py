@@ -106,6 +106,9 @@ class FreeChoice:
     def forget(self) -> None:
         """Do nothing, as nothing is kept."""
 
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Do nothing, as nothing is shared."""
+
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the best point of all, and return the way there."""
         rivals = places_of(view.peers) if self._has_claims else NO_RIVALS

@@ -45,6 +45,10 @@ class Choice(Protocol):
         """Begin anew, as after a restart: the robot was away to charge."""
         ...
 
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Share the round, if any, with some robots, this one among them, from now on."""
+        ...
+
 
 class Commitment:
     """Chooses freely and keeps to the target; the base of policies that choose on a round."""

@@ -15,7 +15,7 @@ of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -150,21 +150,12 @@ class Division:
         raise AssertionError("a division has a group for each robot")
 
 
-class RoundChoice(Choice, Protocol):
-    """The choice of targets on a round that several robots share."""
-
-    def follow_with(self, robots: frozenset[int]) -> None:
-        """Share the round with some robots, this one among them, from now on."""
-        ...
-
-
 class SharedRound(Commitment):
     """Chooses on a round that it shares with other robots, and freely where there is none."""
 
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self.division: Division | None = None  # None where there is at most one round
-        self.on_round: RoundChoice | None = None
         prepared, number = setup.ground.prepared, setup.robot.spec.number
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         self._since = 0  # tick from which on the zones in force count
@@ -172,13 +163,10 @@ class SharedRound(Commitment):
         if (divisions := self._free.zones.under(self._weighing)) is not None:
             self._take_zones(divisions)
         elif (laid_out := prepared.rounds.get(number)) is not None:
-            self._choose_on(self._begin_round(laid_out, followers_of(prepared.rounds, number), None))
+            self.choice = self._begin_round(laid_out, followers_of(prepared.rounds, number), None)
 
-    def _choose_on(self, on_round: RoundChoice | None) -> None:
-        self.on_round, self.choice = on_round, on_round or self._free
-
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> RoundChoice | None:
-        """Return the choice on a round that is shared with some robots, this one among them, or None for none.
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
+        """Return the choice on a round that is shared with some robots, this one among them, or a free one.
 
         Meanwhile `_round` is still the one before, None for none. ``view`` is None before the first tick.
         """
@@ -192,8 +180,7 @@ class SharedRound(Commitment):
         """Go by the zones that are in force now: divide the robots between their rounds."""
         self._round, setup = None, self._setup
         if not divisions.zoned.rounds:
-            self.division = None
-            self._choose_on(None)
+            self.division, self.choice = None, self._free
         elif self.division is None:
             self.division = Division(
                 divisions, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
@@ -213,7 +200,7 @@ class SharedRound(Commitment):
             # Rounds are kept, so the same round is the same object.
             if laid_out is not self._round:
                 self.pursuit.target = None
-                self._choose_on(self._begin_round(laid_out, crew.robots, view))
-            elif self.on_round is not None:
-                self.on_round.follow_with(crew.robots)
+                self.choice = self._begin_round(laid_out, crew.robots, view)
+            else:
+                self.choice.follow_with(crew.robots)
             self._round = laid_out

@@ -482,10 +482,10 @@ class Stochastic(SharedRound):
 
     Options = StochasticOptions
 
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> JointPlan | None:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
         del view
         if laid_out.stations is None:
-            return None
+            return self._free
         setup, ground, fleet = self._setup, self._setup.ground, self._setup.fleet
         weights, team, most_robots = None, float(len(robots)), math.inf
         if self.division is not None:
