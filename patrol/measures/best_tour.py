@@ -13,13 +13,14 @@ import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.files.whole_file import write_whole
 from patrol.ground.cspace import parts_of
 from patrol.ground.fields import StaticFields, anchor
 from patrol.ground.terrain import BoolGrid, frozen_grid
@@ -285,12 +286,9 @@ def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
 
 def _keep_tour(file: Path, tour: Tour | None) -> None:
     """Write a tour into the cache, if it can be written."""
-    part = file.with_name(f"{file.name}.{os.getpid()}")
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        says = {"length_m": None} if tour is None else {"length_m": tour.length_m, "way": tour.way}
-        part.write_text(json.dumps(says), encoding="utf-8")
-        part.replace(file)
+        write_whole(file, json.dumps({"length_m": None} if tour is None else asdict(tour)))
 
 
 def _tour_file(name: str) -> Path:
