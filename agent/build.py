@@ -6,8 +6,8 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -51,84 +51,62 @@ if TYPE_CHECKING:
     from patrol.scenario.lengths import BodyLengths
 
 
-@dataclass(frozen=True, slots=True)
 class Shared:
-    """Values that the minds of one process share, to save time and memory."""
+    """Values that the minds of one process share, to save time and memory.
 
-    prepared: Prepared
-    known: Prepared  # see `known_to_robots`
-    kind: PolicyKind
-    fleet: FleetSetup
-    footprint: Footprint
-    psi: Psi
-    radii: Mapping[int, float]  # by robot number, m
-    strides: Mapping[int, float]  # longest way in one step, by robot number, m
-    speed_limits: SpeedLimits
-    key: bytes | None  # of the fleet's tags, or None
-    chance: Chance
-    # of the bodies with some static fields, and for an area a window of some points in each direction; made once
-    ground_of: Callable[[StaticFields], Ground]  # with nothing closed
-    posts_of: Callable[[StaticFields], Posts]
-    area_of: Callable[[StaticFields, int], Area]
-    scratch: dict[str, Any] = field(default_factory=dict)  # working memory of policies, by name
-    # what the minds believe and have heard; None where each has its own, as in a process
-    beliefs: Beliefs | None = None
-
-
-def shared_by(
-    prepared: Prepared,
-    footprint: Footprint | None = None,
-    *,
-    psi: Psi | None = None,
-    believers: Sequence[int] = (),
-    kind: PolicyKind | None = None,
-) -> Shared:
-    """Make the parts that the minds of a scenario can share.
-
-    `footprint` and `psi` are computed unless given, `kind` is the scenario's policy unless given, and rounds that it
-    follows are found unless they were prepared.
-
-    The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then the
-    caller lets `Shared.beliefs` hear for all of them, and then each decide.
+    `prepared` is the scenario as prepared, `known` as robots know it, with the rounds that their policy follows.
     """
-    scenario = prepared.scenario
-    key = fleet_key(scenario.radio.key)
-    sensor = footprint or sensor_footprint(scenario, prepared.terrain)
-    beliefs = None
-    if believers and not sensor.changes:
-        inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, key)
-        beliefs = Beliefs(inboxes, sensor, shares=True)
-    is_straight = scenario.patrol.paths == "straight"
 
-    @cache
-    def posts_of(fields: StaticFields) -> Posts:
-        # On straight paths, which know no walls, each point is its own post.
-        return Posts(np.full_like(fields.proxy, -1) if is_straight else fields.proxy)
+    def __init__(
+        self,
+        prepared: Prepared,
+        footprint: Footprint | None = None,
+        *,
+        psi: Psi | None = None,
+        believers: Sequence[int] = (),
+        kind: PolicyKind | None = None,
+    ) -> None:
+        """Compute `footprint` and `psi` unless they are given; `kind` is the scenario's policy unless given.
 
-    @cache
-    def area_of(fields: StaticFields, dilatation: int) -> Area:
-        ground = fields.patrolled if is_straight else fields.reach & fields.patrolled
-        is_square = "square-window" in scenario.patrol.paper_rules
-        return Area(fields.patrolled, ground, posts_of(fields), dilatation, is_square)
+        The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then
+        the caller lets `beliefs` hear for all of them, and then each decide.
+        """
+        scenario = prepared.scenario
+        self.prepared = prepared
+        self.key = fleet_key(scenario.radio.key)  # of the fleet's tags, or None
+        self.footprint = footprint or sensor_footprint(scenario, prepared.terrain)
+        # What the minds believe and have heard; None where each has its own, as in a process.
+        self.beliefs: Beliefs | None = None
+        if believers and not self.footprint.changes:
+            inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, self.key)
+            self.beliefs = Beliefs(inboxes, self.footprint, shares=True)
+        self.kind = kind or policy_of(scenario)
+        self.known = known_to_robots(with_rounds(prepared) if self.kind.follows_rounds else prepared)
+        self.chance = Chance(scenario.seed, self.key)
+        self.fleet = fleet_setup(scenario, self.chance)
+        self.psi = psi_of(scenario, prepared.terrain) if psi is None else psi
+        # By robot number, m: radii, and the longest ways in one step.
+        self.radii: Mapping[int, float] = MappingProxyType(self.fleet.radii)
+        self.strides = MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster})
+        self.speed_limits = SpeedLimits(scenario.zones, prepared.terrain)
+        self.scratch: dict[str, Any] = {}  # working memory of policies, by name
+        is_straight = scenario.patrol.paths == "straight"
 
-    chance, kind = Chance(scenario.seed, key), kind or policy_of(scenario)
-    return Shared(
-        prepared=prepared,
-        known=known_to_robots(with_rounds(prepared) if kind.follows_rounds else prepared),
-        kind=kind,
-        fleet=fleet_setup(scenario, chance),
-        footprint=sensor,
-        psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
-        radii=MappingProxyType({spec.number: spec.radius for spec in scenario.roster}),
-        strides=MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster}),
-        speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
-        key=key,
-        chance=chance,
-        ground_of=cache(lambda fields: Ground(prepared.terrain, fields.reach)),
-        posts_of=posts_of,
-        area_of=area_of,
-        beliefs=beliefs,
-    )
+        @cache
+        def posts_of(fields: StaticFields) -> Posts:
+            # On straight paths, which know no walls, each point is its own post.
+            return Posts(np.full_like(fields.proxy, -1) if is_straight else fields.proxy)
+
+        @cache
+        def area_of(fields: StaticFields, dilatation: int) -> Area:
+            ground = fields.patrolled if is_straight else fields.reach & fields.patrolled
+            is_square = "square-window" in scenario.patrol.paper_rules
+            return Area(fields.patrolled, ground, posts_of(fields), dilatation, is_square)
+
+        # Of the bodies with some static fields; the area for a window of some points in each direction, the ground with
+        # nothing closed.
+        self.posts_of, self.area_of = posts_of, area_of
+        self.ground_of = cache(lambda fields: Ground(prepared.terrain, fields.reach))
 
 
 def known_to_robots(prepared: Prepared) -> Prepared:

@@ -209,7 +209,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
         AskedToLeave: Before there was a mind.
     """
     process.warm(("patrol", "agent"), scenario)
-    from agent.build import build_mind, shared_by
+    from agent.build import Shared, build_mind
     from agent.policies.found import policy_named
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
@@ -222,7 +222,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     prepared = process.prepare(scenario)
     psi = None if process.static is None else load_psi(scenario, process.static)
     try:
-        return prepared, build_mind(shared_by(prepared, psi=psi), spec.number, incarnation)
+        return prepared, build_mind(Shared(prepared, psi=psi), spec.number, incarnation)
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
             process.log.failure(failed.__cause__)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
-from agent.build import Shared, build_mind, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import MakeMind, Mind
 from agent.policies.found import PolicyKind, policy_of
 from agent.ports import PolicyFailed
@@ -180,9 +180,9 @@ class InProcessFleet(WithoutProcesses):
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
 
 
-def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
-    """Return the first minds of a scenario's whole roster, by robot number; `shared` is made unless given."""
-    shared = shared or shared_by(prepared)
+def make_minds(prepared: Prepared) -> dict[int, Mind]:
+    """Return the first minds of a scenario's whole roster, by robot number."""
+    shared = Shared(prepared)
     return {number: build_mind(shared, number) for number in prepared.scenario.numbers}
 
 
@@ -212,7 +212,7 @@ def fleet_of(
     kind = kind or policy_of(prepared.scenario)
     if numbers is None:
         numbers = prepared.scenario.numbers
-    shared = shared_by(prepared, footprint, believers=numbers if share else (), kind=kind)
+    shared = Shared(prepared, footprint, believers=numbers if share else (), kind=kind)
     make = partial(build_mind, shared)
     minds: dict[int, Mind] = {}
     for number in sorted(set(numbers) & set(world.living)):

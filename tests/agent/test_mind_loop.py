@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.mind_loop import TelemetrySender, run_mind
 from agent.ports import Decision, Intent, Steer
@@ -93,7 +93,7 @@ class Ahead:
 def made(policy: Ahead, last: int = 5) -> tuple[Mind, FakeRobot]:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"model": "holonomic"}})
     prepared = prepared_on(scenario, Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5), [START])
-    mind = build_mind(shared_by(prepared), 1)
+    mind = build_mind(Shared(prepared), 1)
     mind.policy = policy
     return mind, FakeRobot(Ticks(last), scenario.roster[0], prepared.terrain, START, STEP)
 

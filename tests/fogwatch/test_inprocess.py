@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.view import View
 from fogwatch.inprocess import InProcessFleet, Outcome, fault_free_mfow, fleet_of, run_in_process
@@ -199,7 +199,7 @@ def test_process_faults_repeat_whatever_the_workers_and_are_judged_as_they_go(ro
 
 def test_a_restarted_mind_is_a_new_one() -> None:
     prepared = prepare(scenario(robots=DISCS))
-    fleet = InProcessFleet({}, partial(build_mind, shared_by(prepared)))
+    fleet = InProcessFleet({}, partial(build_mind, Shared(prepared)))
     fleet.start(1, 1)
     first = fleet.minds[1]
     fleet.kill(1)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
@@ -91,7 +91,7 @@ def run_of(
     prepared = prepare(loaded)
     footprint = sensor_footprint(loaded, prepared.terrain)
     world = World(prepared, footprint=footprint, operated=controls is not None)
-    make, minds = partial(build_mind, shared_by(prepared, footprint)), dict[int, Mind]()
+    make, minds = partial(build_mind, Shared(prepared, footprint)), dict[int, Mind]()
 
     def made(number: int, incarnation: int) -> Mind:
         minds[number] = make(number, incarnation)

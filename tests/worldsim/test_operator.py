@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from fogwatch.inprocess import InProcessFleet, Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
@@ -104,7 +104,7 @@ def run(
     hour, rests = Hour(), Rests()
     requests = Script(hour, controls)
     world = requests.world = World(prepared, operated=True)
-    make = partial(build_mind, shared_by(prepared))
+    make = partial(build_mind, Shared(prepared))
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
     recorder = Recorder(journal, world.scenario.spares)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from fogwatch.inprocess import InProcessFleet
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
@@ -62,7 +62,7 @@ class Watched:
 
     def run(self, ticks: int, during: Callable[[], None]) -> None:
         """Run so many ticks; during each, call something."""
-        make = partial(build_mind, shared_by(self.world.prepared))
+        make = partial(build_mind, Shared(self.world.prepared))
         fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in self.world.living}, make)
         phase_b = fleet.phase_b
 
