@@ -202,3 +202,17 @@ def test_a_zone_that_no_robot_sees_is_refused() -> None:
     shut["polygon"] = box(col + 0.2, row + 0.2, col + 0.8, row + 0.8)
     with pytest.raises(BadInput, match=r"zones\.0: shut: no robot sees any of it from ground that it can reach"):
         prepared(shut)
+
+
+def test_rounds_are_found_once_where_they_are_needed_and_kept_with_the_rest(tmp_path: Path) -> None:
+    ground = prepared()
+    assert with_rounds(ground, needed=False) is ground
+    made = with_rounds(ground)
+    assert not ground.rounds, "what was prepared does not change"
+    assert with_rounds(made) is made
+    made.save(tmp_path)
+    loaded = Prepared.load(made.scenario, tmp_path).rounds
+    first = present(loaded[1])
+    assert set(loaded) == {1, 2, 3, 4}
+    assert all(laid_out is first for laid_out in loaded.values())
+    assert np.array_equal(first.points, present(made.rounds[1]).points)
