@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from agent.belief.posts import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance
-from agent.mind import Facts, MakeMind, Mind
+from agent.mind import Facts, Mind
 from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
 from agent.policies.surround import Surround
@@ -34,93 +34,79 @@ from agent.sender import Sending
 from agent.view import FogView
 from patrol.changing.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
+from patrol.measures.zoned import with_rounds
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.zones.ground import SpeedLimits
+from runtime.process.deadline import DECISION_LIMIT_S
 from runtime.security.private_files import fleet_key
 
 if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
-    from patrol.scenario import PatrolSpec, Scenario
+    from patrol.scenario import Scenario
     from patrol.scenario.lengths import BodyLengths
 
 
-@dataclass(frozen=True, slots=True)
 class Shared:
-    """Values that the minds of one process share, to save time and memory."""
+    """Values that the minds of one process share, to save time and memory.
 
-    known: Prepared  # see `known_to_robots`
-    fleet: FleetSetup
-    footprint: Footprint
-    psi: Psi
-    radii: Mapping[int, float]  # by robot number, m
-    strides: Mapping[int, float]  # longest way in one step, by robot number, m
-    speed_limits: SpeedLimits
-    key: bytes | None  # of the fleet's tags, or None
-    chance: Chance
-    scratch: dict[str, Any] = field(default_factory=dict)  # working memory of policies, by name
-    # what the minds believe and have heard; None where each has its own, as in a process
-    beliefs: Beliefs | None = None
-    # by identity of a body's static fields, which live as long as the scenario, and dilatation
-    areas: dict[tuple[int, int], Area] = field(default_factory=dict)
-    posts: dict[int, Posts] = field(default_factory=dict)  # by identity of the static fields
-    grounds: dict[int, Ground] = field(default_factory=dict)  # likewise, with nothing closed
-
-    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
-        """Return the ground of one kind of body, with nothing closed."""
-        if id(fields) not in self.grounds:
-            self.grounds[id(fields)] = Ground(terrain, fields.reach)
-        return self.grounds[id(fields)]
-
-    def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
-        """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
-        if id(fields) not in self.posts:
-            without = patrol.paths == "straight"
-            self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if without else fields.proxy)
-        return self.posts[id(fields)]
-
-    def area_of(self, fields: StaticFields, patrol: PatrolSpec, dilatation: int) -> Area:
-        """Return the area of one kind of body, for a window of some points in each direction."""
-        kind = id(fields), dilatation
-        if kind not in self.areas:
-            ground = fields.patrolled if patrol.paths == "straight" else fields.reach & fields.patrolled
-            square = "square-window" in patrol.paper_rules
-            self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, patrol), dilatation, square)
-        return self.areas[kind]
-
-
-def shared_by(
-    prepared: Prepared, footprint: Footprint | None = None, *, psi: Psi | None = None, believers: Sequence[int] = ()
-) -> Shared:
-    """Make the parts that the minds of a scenario can share; `footprint` and `psi` are computed unless given.
-
-    The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then the
-    caller lets `Shared.beliefs` hear for all of them, and then each decide.
+    `prepared` is the scenario as prepared, `known` as robots know it, with the rounds that their policy follows.
     """
-    scenario = prepared.scenario
-    key = fleet_key(scenario.radio.key)
-    sensor = footprint or sensor_footprint(scenario, prepared.terrain)
-    beliefs = None
-    if believers and not sensor.changes:
-        inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, key)
-        beliefs = Beliefs(inboxes, sensor, shares=True)
-    chance = Chance(scenario.seed, key)
-    return Shared(
-        known=known_to_robots(prepared),
-        fleet=fleet_setup(scenario, chance),
-        footprint=sensor,
-        psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
-        radii=MappingProxyType({spec.number: spec.radius for spec in scenario.roster}),
-        strides=MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster}),
-        speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
-        key=key,
-        chance=chance,
-        beliefs=beliefs,
-    )
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        footprint: Footprint | None = None,
+        *,
+        psi: Psi | None = None,
+        believers: Sequence[int] = (),
+        kind: PolicyKind | None = None,
+    ) -> None:
+        """Compute `footprint` and `psi` unless they are given; `kind` is the scenario's policy unless given.
+
+        The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then
+        the caller lets `beliefs` hear for all of them, and then each decide.
+        """
+        scenario = prepared.scenario
+        self.prepared = prepared
+        self.key = fleet_key(scenario.radio.key)  # of the fleet's tags, or None
+        self.footprint = footprint or sensor_footprint(scenario, prepared.terrain)
+        # What the minds believe and have heard; None where each has its own, as in a process.
+        self.beliefs: Beliefs | None = None
+        if believers and not self.footprint.changes:
+            inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, self.key)
+            self.beliefs = Beliefs(inboxes, self.footprint, shares=True)
+        self.kind = kind or policy_of(scenario)
+        self.known = known_to_robots(with_rounds(prepared) if self.kind.follows_rounds else prepared)
+        self.chance = Chance(scenario.seed, self.key)
+        self.fleet = fleet_setup(scenario, self.chance)
+        self.psi = psi_of(scenario, prepared.terrain) if psi is None else psi
+        # By robot number, m: radii, and the longest ways in one step.
+        self.radii: Mapping[int, float] = MappingProxyType(self.fleet.radii)
+        self.strides = MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster})
+        self.speed_limits = SpeedLimits(scenario.zones, prepared.terrain)
+        self.scratch: dict[str, Any] = {}  # working memory of policies, by name
+        is_straight = scenario.patrol.paths == "straight"
+
+        @cache
+        def posts_of(fields: StaticFields) -> Posts:
+            # On straight paths, which know no walls, each point is its own post.
+            return Posts(np.full_like(fields.proxy, -1) if is_straight else fields.proxy)
+
+        @cache
+        def area_of(fields: StaticFields, dilatation: int) -> Area:
+            ground = fields.patrolled if is_straight else fields.reach & fields.patrolled
+            is_square = "square-window" in scenario.patrol.paper_rules
+            return Area(fields.patrolled, ground, posts_of(fields), dilatation, is_square)
+
+        # Of the bodies with some static fields; the area for a window of some points in each direction, the ground with
+        # nothing closed.
+        self.posts_of, self.area_of = posts_of, area_of
+        self.ground_of = cache(lambda fields: Ground(prepared.terrain, fields.reach))
 
 
 def known_to_robots(prepared: Prepared) -> Prepared:
@@ -134,31 +120,28 @@ def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
     return FleetSetup(scenario.step, scenario.roster, scenario.patrol, scenario.docks, draw)
 
 
-def build_mind(
-    prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None, kind: PolicyKind | None = None
-) -> Mind:
+def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     """Put the mind of one robot together; robots and their incarnations are numbered from 1.
 
-    The incarnation is 1 for the robot's first process, and one more for each restart. Unless given, `shared` is made
-    for this mind alone, and `kind` is the scenario's. A policy that cannot be made raises `PolicyFailed`.
+    The incarnation is 1 for the robot's first process, and one more for each restart. A policy that cannot be made
+    raises `PolicyFailed`.
     """
-    shared = shared or shared_by(prepared)
+    prepared, kind = shared.prepared, shared.kind
     scenario, fields = prepared.scenario, prepared.fields[number]
     # On ground that changes each mind has a sensor of its own, on the ground as it believes it.
     sight = sensor_footprint(scenario, prepared.terrain) if scenario.changes_ground else shared.footprint
     terrain = sight.terrain if scenario.changes_ground else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
-    posts = shared.posts_of(fields, patrol)
+    posts = shared.posts_of(fields)
     moves_posts = scenario.changes_ground and patrol.paths != "straight"
     if moves_posts:
         posts = Posts(fields.proxy)
-    belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
+    belief = beliefs.join(number, shared.area_of(fields, _dilation_points(scenario, terrain, lengths, kind)))
     # Where it changes, the terrain is the mind's own.
-    ground = Ground(terrain, fields.reach) if scenario.changes_ground else shared.ground_of(terrain, fields).over()
+    ground = Ground(terrain, fields.reach) if scenario.changes_ground else shared.ground_of(fields).over()
     policy = _policy_of(
         kind,
         PolicySetup(
@@ -194,6 +177,7 @@ def build_mind(
         key=shared.key,
         zones=scenario.zones,
         speed_limits=shared.speed_limits,
+        limit_s=None if kind.ours else DECISION_LIMIT_S,
     )
     fog = FogView(belief, fields.patrolled, posts)
     memory = math.floor(patrol.blocked_memory / scenario.step)
@@ -238,8 +222,3 @@ def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
     silence = radio.silence_ticks(scenario.step)
     predictor = Predictor(terrain, radio.trail_every, silence)
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
-
-
-def mind_maker(prepared: Prepared, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
-    """Return a function that makes the minds of a scenario, with all parts shared that can be."""
-    return lambda number, incarnation: build_mind(prepared, number, incarnation, shared, kind)

@@ -40,6 +40,7 @@ class Facts:
     key: bytes | None  # of the fleet's tags, or None
     zones: Sequence[ZoneSpec]
     speed_limits: SpeedLimits  # of the slow zones among them
+    limit_s: float | None  # wall time after which a decision counts as failed; None for a policy that is built in
 
 
 class Mind:

@@ -27,11 +27,10 @@ TELEMETRY_S = 0.2
 """Wall time between two reports to viewers, s."""
 
 
-def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit_s: float | None = None) -> str | None:
+def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry) -> str | None:
     """Sense, send, hear, decide and act until it is time to leave.
 
-    Returns None then. If the policy fails, the robot is stopped, and the reason is returned. A decision that takes
-    longer than `limit_s` of wall time counts as failed; None sets no limit.
+    Returns None then. If the policy fails, the robot is stopped, and the reason is returned.
     """
     while (sensed := robot.sense()) is not None:
         radio.send(mind.frames(sensed))
@@ -40,7 +39,7 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit
             continue
         began = time.perf_counter()
         try:
-            with deadline(limit_s):
+            with deadline(mind.facts.limit_s):
                 decision = mind.step(sensed, frames)
         except (PolicyFailed, Late) as failed:
             if failed.__cause__ is not None:

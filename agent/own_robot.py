@@ -209,7 +209,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
         AskedToLeave: Before there was a mind.
     """
     process.warm(("patrol", "agent"), scenario)
-    from agent.build import build_mind, shared_by
+    from agent.build import Shared, build_mind
     from agent.policies.found import policy_named
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
@@ -222,7 +222,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     prepared = process.prepare(scenario)
     psi = None if process.static is None else load_psi(scenario, process.static)
     try:
-        return prepared, build_mind(prepared, spec.number, incarnation, shared_by(prepared, psi=psi))
+        return prepared, build_mind(Shared(prepared, psi=psi), spec.number, incarnation)
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
             process.log.failure(failed.__cause__)
@@ -260,11 +260,9 @@ class _Driver:
     def run(self, make: Callable[[Site], Robot], link: Link, air: Air, keys: FleetKeys, ticks: Ticks) -> str | None:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
-        from agent.policies.found import policy_of
         from agent.robots.clock import KeptClock, latest_tick
         from agent.robots.direct import tune_in
         from runtime.messages.stop_orders import StopOrders
-        from runtime.process.deadline import DECISION_LIMIT_S
 
         scenario, name, process = self.prepared.scenario, self.spec.name, self.process
         log, ending = process.log, process.ending
@@ -300,7 +298,6 @@ class _Driver:
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         telemetry.stopped = lambda: getattr(robot, "stopped", "")  # of a robot that obeys orders
-        limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         latest = None if ticks.epoch_s is not None else lambda: latest_tick(step_s, time.time())
         watched = WatchedRadio(radio, clock, latest, log.warning)
         receivers: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
@@ -310,7 +307,7 @@ class _Driver:
         log.info(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, watched, receivers, limit_s)
+            failure = run_mind(self.mind, robot, watched, receivers)
         finally:
             robot.stop(failure or ending.reason or "the driver ends")
         telemetry.close()

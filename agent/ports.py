@@ -188,8 +188,8 @@ class GroundSetup:
         fields: Where the robot's body fits and gets to, and the points that it can see from there.
         posts: Where to stand to see points that no body can reach.
         sight: The sensor on the terrain: the points seen from a pose, and how far it sees.
-        prepared: The ground of the whole fleet, from which rounds, regions and zoned ground are made. Its scenario is
-            without sections that no robot knows: faults, intruders and ground that closes.
+        prepared: The ground of the whole fleet, with rounds, regions and the ground of zones. Its scenario is without
+            sections that no robot knows: faults, intruders and ground that closes.
         scratch: Working memory by name, shared by policies of one process that never think at the same time.
     """
 
@@ -201,8 +201,11 @@ class GroundSetup:
     scratch: dict[str, Any] = field(default_factory=dict)
 
     def graph(self) -> Graph:
-        """Return the terrain's graph, which is made at the first call."""
-        return self.prepared.graph
+        """Return the terrain's graph, which is made at the first call, for all policies of the process."""
+        if "graph" not in self.scratch:
+            self.scratch["graph"] = self.prepared.make_graph()
+        graph: Graph = self.scratch["graph"]
+        return graph
 
 
 @dataclass(frozen=True, slots=True)

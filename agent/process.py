@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from runtime.process.context import ProcessContext, run_with
-from runtime.process.deadline import DECISION_LIMIT_S
 from runtime.process.failures import INTERRUPTED
 from runtime.process.lifeline import Ending
 from runtime.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser, robot_named
@@ -62,7 +61,6 @@ def _run_agent(process: ProcessContext) -> int:
 def _join_patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None, process: ProcessContext) -> int:
     """Join the fleet and patrol with it until it is time to leave; return the exit code."""
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
-    from agent.policies.found import policy_of
     from agent.robots.direct import DirectRadio, tune_in
     from agent.robots.sim import join
     from patrol.scenario import scenario_hash
@@ -103,9 +101,8 @@ def _join_patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str |
         for part in {robot, radio}:  # of a robot without a direct radio these are one
             part.show(process.vitals)
         receivers = Both(receivers, TickFigures(mind, process.vitals, log))
-    limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     try:
-        failure = run_mind(mind, robot, radio, receivers, limit_s)
+        failure = run_mind(mind, robot, radio, receivers)
     finally:
         telemetry.close()
     if failure is not None:

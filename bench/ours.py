@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.dilate import dilate
+from agent.kernels.wave import FAR
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.kernels.footprint import cast

@@ -21,8 +21,7 @@ from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, found_
 from fogwatch.run_options import RunChoices, chosen_settings
 from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay
 from patrol.errors import BadInput
-from patrol.measures.best_tour import round_of
-from patrol.measures.zoned import prepare_zones
+from patrol.measures.zoned import with_rounds
 from patrol.scenario import Scenario, load_scenario, naming, with_assumed
 from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
@@ -187,7 +186,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
     prepared = prepare(scenario)
     _announce_run(prepared, folder, options)
-    _find_rounds(prepared, options.display)
+    prepared = _find_rounds(prepared, options.display)
     progresses: list[LiveProgress] = []
     _begin_run(options)
     baseline_s = _baseline_mfow(prepared, options)
@@ -255,7 +254,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         launch.start()
         prepared = prepared or prepare(scenario)
         _announce_run(prepared, folder, options)
-        _find_rounds(prepared, options.display)
+        prepared = _find_rounds(prepared, options.display, switched=True)
         _write_static(prepared, folder)
         _begin_run(options)
         folder.unfinished_static.rename(folder.static)
@@ -339,17 +338,17 @@ def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
     return fault_free_mfow(prepared, options.stop)
 
 
-def _find_rounds(prepared: Prepared, display: RunDisplay) -> None:
-    """Find the tours that robots follow, and show it where that may take a minute."""
-    if not prepared.scenario.patrol.needs_rounds:
-        return
-    points = np.count_nonzero(prepared.patrolled)
+def _find_rounds(prepared: Prepared, display: RunDisplay, *, switched: bool = False) -> Prepared:
+    """Find what robots follow, and show it where that may take a minute (`with_rounds`)."""
+    needed, points = prepared.scenario.patrol.needs_rounds, np.count_nonzero(prepared.patrolled)
+    shown = needed and points > LARGE_POINTS
     step = f"finding a short tour of {points * prepared.terrain.point_area:.0f} m², which is kept for later runs"
-    if points > LARGE_POINTS:
+    if shown:
         display.progress(step)
-    round_of(prepared, 1)
-    if points > LARGE_POINTS:
+    prepared = with_rounds(prepared, needed, switched=switched)
+    if shown:
         display.progress(step, 1.0)
+    return prepared
 
 
 def _write_static(prepared: Prepared, folder: RunFolder) -> None:
@@ -358,7 +357,6 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
 
     part = folder.unfinished_static
     try:
-        prepare_zones(prepared)
         prepared.save(part)
         save_psi(prepared, part)
     except OSError as error:  # without a number where numpy could write a part only

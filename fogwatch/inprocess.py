@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
-from agent.build import Shared, mind_maker, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import MakeMind, Mind
 from agent.policies.found import PolicyKind, policy_of
 from agent.ports import PolicyFailed
@@ -18,10 +19,11 @@ from fogwatch.workers import WithoutProcesses, Workers
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
+from patrol.measures.zoned import with_rounds
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.radio.message import as_received
-from runtime.process.deadline import DECISION_LIMIT_S, Late, deadline
+from runtime.process.deadline import Late, deadline
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NotStarted
 from worldsim.output.record import Recorder, header_of
@@ -68,21 +70,18 @@ class InProcessFleet(WithoutProcesses):
         self,
         minds: Mapping[int, Mind],
         make: MakeMind | None = None,
-        limit_s: float | None = None,
         beliefs: Beliefs | None = None,
         failure: PolicyFailure = lambda _number, _reason, _error: None,
         chance: Chance | None = None,
     ) -> None:
         """Take in minds by robot number; `make` makes a new one by robot number and incarnation.
 
-        A decision that takes longer than `limit_s` of wall time counts as failed. `beliefs` is what the minds believe,
-        where they share it. `failure` is told of each policy that fails.
+        `beliefs` is what the minds believe, where they share it. `failure` is told of each policy that fails.
         """
         self.chance = chance
         self._beliefs = beliefs
         self._failure = failure
         self._minds = dict(minds)
-        self._limit_s = limit_s
         self._failed: dict[int, str] = {}
         self._unmade: dict[int, str] = {}
         self._make = make
@@ -168,7 +167,7 @@ class InProcessFleet(WithoutProcesses):
         mind, sensed, view = self._minds[number], self._sensed[number], self._views.get(number)
         begun = time.perf_counter()
         try:
-            with nullcontext() if self._limit_s is None else deadline(self._limit_s):
+            with deadline(mind.facts.limit_s):
                 if self._beliefs is None and view is None:
                     decision = mind.step(sensed, heard[number])
                 else:
@@ -181,10 +180,10 @@ class InProcessFleet(WithoutProcesses):
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
 
 
-def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
-    """Return the first minds of a scenario's whole roster, by robot number; `shared` is made unless given."""
-    make = mind_maker(prepared, shared or shared_by(prepared))
-    return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
+def make_minds(prepared: Prepared) -> dict[int, Mind]:
+    """Return the first minds of a scenario's whole roster, by robot number."""
+    shared = Shared(prepared)
+    return {number: build_mind(shared, number) for number in prepared.scenario.numbers}
 
 
 def check_in_process(scenario: Scenario) -> None:
@@ -213,8 +212,8 @@ def fleet_of(
     kind = kind or policy_of(prepared.scenario)
     if numbers is None:
         numbers = prepared.scenario.numbers
-    shared = shared_by(prepared, footprint, believers=numbers if share else ())
-    make = mind_maker(prepared, shared, kind)
+    shared = Shared(prepared, footprint, believers=numbers if share else (), kind=kind)
+    make = partial(build_mind, shared)
     minds: dict[int, Mind] = {}
     for number in sorted(set(numbers) & set(world.living)):
         try:
@@ -222,8 +221,7 @@ def fleet_of(
         except PolicyFailed as failed:
             failure(number, str(failed), failed.__cause__)
             raise BadInput(str(failed)) from failed
-    limit_s = None if kind.ours else DECISION_LIMIT_S
-    return InProcessFleet(minds, make, limit_s, shared.beliefs, failure, shared.chance)
+    return InProcessFleet(minds, make, shared.beliefs, failure, shared.chance)
 
 
 def run_in_process(
@@ -261,17 +259,19 @@ def run_in_process(
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     check_in_process(prepared.scenario)
+    kind = policy_of(prepared.scenario)
+    prepared = with_rounds(prepared, kind.follows_rounds)
     world = World(prepared, footprint=(footprint := sensor_footprint(prepared.scenario, prepared.terrain)))
     fleet: InProcessFleet | Workers
     minds: Mapping[int, Mind] = {}
     if workers > 1:
 
         def make_part(numbers: Sequence[int], failure: PolicyFailure) -> InProcessFleet:
-            return fleet_of(world, footprint, share=share, failure=failure, numbers=numbers)
+            return fleet_of(world, footprint, kind=kind, share=share, failure=failure, numbers=numbers)
 
         fleet = Workers(workers, prepared.scenario.numbers, make_part, failure)
     else:
-        fleet = fleet_of(world, footprint, share=share, failure=failure)
+        fleet = fleet_of(world, footprint, kind=kind, share=share, failure=failure)
         minds = fleet.minds
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.classes.class_file import class_file
-from patrol.classes.named_class import ClassSort, NamedClass, checked_source, find, options_of
+from patrol.classes.class_file import checked_source, class_file
+from patrol.classes.named_class import ClassSort, NamedClass, load
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
 from patrol.kernel_cache import make_folder, user_cache
@@ -65,8 +65,7 @@ def allow_sensor(spec: SensorSpec, *, record: bool = False) -> None:
         return
     named = sensor_named(spec)
     name = _record_name(named)
-    sensor_class = find(named if class_file(named.name) is None else replace(named, sha256=name))
-    options_of(named, sensor_class)
+    load(named if class_file(named.name) is None else replace(named, sha256=name))
     _allowed.add(name)
     if record and (folder := user_cache("sensors")) is not None:
         with suppress(OSError):
@@ -85,8 +84,8 @@ def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footp
         return footprint_of(terrain, spec.range, spec.angle, spec.line_of_sight, spec.quality, remembered)
     named = sensor_named(spec)
     _check_allowed(named)
-    sensor_class = find(named)
-    setup = SensorSetup(terrain, spec.range, spec.line_of_sight, options_of(named, sensor_class))
+    sensor_class, options = load(named)
+    setup = SensorSetup(terrain, spec.range, spec.line_of_sight, options)
     return Footprint(setup, CheckedSensor(sensor_class, setup, named.field), remembered)
 
 
@@ -205,7 +204,7 @@ def _is_own_file(path: Path) -> bool:
 def _record_name(named: NamedClass) -> str:
     """Return the name of the file that records that a user runs a sensor."""
     path = class_file(named.name)
-    return _text_digest(named.name) if path is None else checked_source(path, named)[1]
+    return _text_digest(named.name) if path is None else checked_source(path, named.sha256, named.sort.field)[1]
 
 
 def _text_digest(text: str) -> str:

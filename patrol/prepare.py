@@ -1,16 +1,18 @@
 """Everything about a scenario that never changes while it runs: the terrain, the starts, each body's static fields.
 
+`prepare` finds the ground. What robots follow on it, rounds and the ground of zones, takes seconds to find and is of
+use to those that run minds only, so it is a step of its own: `patrol.measures.zoned.with_rounds`.
+
 The launcher prepares once and saves; its children load the same arrays memory-mapped, so a fleet holds one copy.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,8 +51,9 @@ TICKS_APART = 4
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
-REGIONS = "regions"
 ZONED = "zoned"
+BY_ROBOT = ("fields", "regions", "rounds")
+"""What is kept for each robot; robots may share it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +68,11 @@ class Prepared:
     starts: tuple[Pose, ...]  # in roster order
     fields: Mapping[int, StaticFields]  # by robot number
     closable: Parts  # the parts of the ground that close at times
-    regions: Mapping[int, RegionSplit] | None = None  # by robot number; None where paths do not lead through regions
-    # by robot number, made on demand by `patrol.measures.best_tour.round_of`
-    rounds: dict[int, Round | None] = field(default_factory=dict)
-    # by zones in force and their weights, made on demand by `patrol.measures.zoned.zoned_ground`; bounded
-    zoned: dict[Weighing, ZonedGround] = field(default_factory=dict)
-
-    def regions_of(self, number: int) -> RegionSplit | None:
-        """Return the split for a robot's body, or None where paths do not lead through regions."""
-        return None if self.regions is None else self.regions[number]
+    regions: Mapping[int, RegionSplit] = field(default_factory=dict)  # likewise; none where paths lead through none
+    # likewise, without zones; none before `patrol.measures.zoned.with_rounds`
+    rounds: Mapping[int, Round | None] = field(default_factory=dict)
+    # by zones in force and their weights; empty before the same, and without zones that weigh
+    zoned: Mapping[Weighing, ZonedGround] = field(default_factory=dict)
 
     def open_ground(self) -> OpenGround | None:
         """Begin to follow the ground that is open to view; None where nothing ever closes."""
@@ -86,23 +85,21 @@ class Prepared:
         """Begin to follow what is closed, with the events so far."""
         return Closings(self.closable, self.terrain, events)
 
-    @cached_property
+    @property
     def patrolled(self) -> BoolGrid:
         """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
-        distinct = list({id(fields): fields for fields in self.fields.values()}.values())
-        return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+        distinct = list({id(fields): fields.patrolled for fields in self.fields.values()}.values())
+        return distinct[0] if len(distinct) == 1 else frozen_grid(np.logical_or.reduce(distinct))
 
-    @cached_property
-    def left_out(self) -> LeftOut | None:
-        """The free ground that no robot sees; None where there is none, and where vertices are patrolled instead."""
+    def find_left_out(self) -> LeftOut | None:
+        """Find the free ground that no robot sees; None without any, and where vertices are patrolled instead."""
         if self.scenario.terrain.patrolled == VERTICES:
             return None
         narrowest = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
         return left_out(self.terrain, self.patrolled, self.fields[narrowest.number], narrowest.radius)
 
-    @cached_property
-    def graph(self) -> Graph:
-        """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
+    def make_graph(self) -> Graph:
+        """Make the terrain's graph: the scenario's, or one from the ground of the smallest robots, which takes long."""
         graph_spec = self.scenario.terrain.graph
         if graph_spec is not None:
             return graph_of(graph_spec.vertices, graph_spec.edges, graph_spec.pixel, graph_spec.visit)
@@ -121,20 +118,6 @@ class Prepared:
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON."""
         save_grids(folder, self.terrain, GROUND)
-        places: dict[int, str] = {}
-        for fields in self.fields.values():
-            if id(fields) not in places:
-                places[id(fields)] = f"body-{len(places) + 1}"
-                fields.save(folder / places[id(fields)])
-        for number, split in (self.regions or {}).items():
-            split_folder = folder / places[id(self.fields[number])] / REGIONS
-            if not split_folder.exists():
-                split.save(split_folder)
-        file_names: dict[int, str] = {}
-        for laid_out in self.rounds.values():
-            if laid_out is not None and id(laid_out) not in file_names:
-                file_names[id(laid_out)] = f"round-{len(file_names) + 1}"
-                laid_out.save(folder / file_names[id(laid_out)])
         for number, zoned in enumerate(self.zoned.values()):
             zoned.save(folder / f"{ZONED}-{number}")
         facts = {
@@ -142,10 +125,16 @@ class Prepared:
             "point": self.terrain.point,
             "origin": list(self.terrain.origin),
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
-            "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
-            "rounds": {str(number): laid_out and file_names[id(laid_out)] for number, laid_out in self.rounds.items()},
             "zoned": [sorted(weighing) for weighing in self.zoned],
         }
+        for name in BY_ROBOT:
+            parts: Mapping[int, Any] = getattr(self, name)
+            folders: dict[int, str] = {}
+            for part in parts.values():
+                if part is not None and id(part) not in folders:
+                    folders[id(part)] = f"{name}-{len(folders) + 1}"
+                    part.save(folder / folders[id(part)])
+            facts[name] = {str(number): folders.get(id(part)) for number, part in parts.items()}
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
     @staticmethod
@@ -156,20 +145,25 @@ class Prepared:
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
         terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out)
         terrain = terrain.with_grids(free, blocked)
-        bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
-        rounds = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
+        loads: dict[str, Callable[[Path], Any]] = {"fields": StaticFields.load, "rounds": Round.load}
+        if facts["regions"]:
+            from patrol.regions.split import RegionSplit
+
+            loads["regions"] = RegionSplit.load
+        by_robot: dict[str, dict[int, Any]] = {}
+        for name, load in loads.items():
+            parts = {part: load(folder / part) for part in sorted({*facts[name].values()} - {None})}
+            by_robot[name] = {int(number): parts.get(part) for number, part in facts[name].items()}
         return Prepared(
             scenario=scenario,
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             closable=closable_ground(scenario, terrain),
-            fields={int(number): bodies[part] for number, part in facts["fields"].items()},
-            regions=_load_regions(scenario, folder, facts["fields"]),
-            rounds={int(number): part and rounds[part] for number, part in facts["rounds"].items()},
             zoned={
                 frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
                 for number, weighing in enumerate(facts["zoned"])
             },
+            **by_robot,
         )
 
 
@@ -253,13 +247,3 @@ def inboxes_of(
     return Inboxes(
         listeners, Rules(scenario.numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every)
     )
-
-
-def _load_regions(scenario: Scenario, folder: Path, places: Mapping[str, str]) -> dict[int, RegionSplit] | None:
-    """Load the saved splits by robot number; `places` has each robot's folder, by number as text."""
-    if scenario.patrol.paths != "regions":
-        return None
-    from patrol.regions.split import RegionSplit
-
-    splits = {name: RegionSplit.load(folder / name / REGIONS) for name in sorted(set(places.values()))}
-    return {int(number): splits[name] for number, name in places.items()}

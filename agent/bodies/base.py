@@ -213,7 +213,7 @@ class BodyBase(ABC):
                 allowed = self._limit_command(view.pose, command.limited(self.spec.limits))
                 return self._make_halt(State.HOLDING) if allowed is None else Choice(allowed, state)
             case Stay(state):
-                return self._keep_still(state, view)
+                return self._make_halt(state)
 
     @abstractmethod
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:
@@ -230,11 +230,6 @@ class BodyBase(ABC):
     @abstractmethod
     def _limit_command(self, pose: Pose, wanted: Any) -> Command | None:
         """Return a policy's own command, as far as it leads into no wall; None if it does from the start."""
-
-    def _keep_still(self, state: str, view: View) -> Choice:
-        """Stand still, in a state that the policy gives."""
-        del view
-        return self._make_halt(state)
 
     def _make_halt(self, state: str) -> Choice:
         return Choice(halted(self.spec.model), state)

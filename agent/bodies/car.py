@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from agent.bodies.manoeuvre import Manoeuvres, car_moves
 from agent.bodies.setup import BodySetup
 from agent.bodies.standoff import Moves
 from agent.bodies.steering import EASIER, CarSteering
-from agent.ports import Bearing, Choice, Goal, Intent, Place, State
+from agent.ports import Bearing, Choice, Goal, Intent, Place, State, Stay, Steer
 from patrol.ground.swept_path import advance
 from patrol.pose import Drive, is_halt, wrap
 
@@ -94,21 +95,36 @@ class CarBody(BodyBase):
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         if view.bumped and self.manoeuvres is not None:
             self.manoeuvres.drop()
+        if self._unstuck.active and not isinstance(intent, Steer):
+            return self._go_on_leaving(intent, view)
         return super()._carry_out(intent, view)
 
-    def _keep_still(self, state: str, view: View) -> Choice:
-        return self._drive_ahead(view, None, None, state) if self._unstuck.active else self._make_halt(state)
+    def _go_on_leaving(self, intent: Bearing | Place | Stay, view: View) -> Choice:
+        """Take the next step out of a dead end, or once it has been left, one to where an intent leads."""
+        bearing, goal = None, None
+        if isinstance(intent, Bearing):
+            bearing, goal = self._find_direction(intent, view)
+        elif isinstance(intent, Place) and (way := way_of(intent, view)) is not None:
+            bearing, goal = _aim_at(way, view)
+        drive = self._unstuck.step(view.pose, view.bumped)
+        if drive is None:
+            # It has faced about since the bump, so the bump says nothing of the next step.
+            choice = self._drive_ahead(view, bearing, goal, intent.state, bumped=False)
+        else:
+            out = self._leave_dead_end(view) if is_halt(drive) else None
+            choice = out or Choice(drive, State.DEAD_END, None, goal)
+        return replace(choice, bearing=bearing, goal=goal) if isinstance(intent, Place) else choice
 
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:
         bearing, goal = self._find_direction(intent, view)
-        if view.start is None and not self._unstuck.active:
+        if view.start is None:
             return self._proceed_on_manoeuvre(intent.state, view) or self._come_back(view)
         # After a bump a random step would lead into the same obstacle.
-        if intent.wander is not None and not view.bumped and not self._unstuck.active:
+        if intent.wander is not None and not view.bumped:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
             if self._steering.is_free(view.pose, aside):
                 return Choice(aside, intent.state, intent.wander)
-        return self._drive_ahead(view, bearing, goal, intent.state)
+        return self._drive_ahead(view, bearing, goal, intent.state, bumped=view.bumped)
 
     def _find_direction(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
@@ -137,55 +153,41 @@ class CarBody(BodyBase):
     def _approach_place(self, place: Place, view: View) -> Choice:
         """Return the way to a place, and parking there."""
         way = way_of(place, view)
-        if way is None and not self._unstuck.active:
-            return self._proceed_on_manoeuvre(place.state, view) or self._come_back(view)
         if way is None:
-            return self._drive_ahead(view, None, None, place.state)
+            return self._proceed_on_manoeuvre(place.state, view) or self._come_back(view)
         spot, bend = way
         pose = view.pose
-        if place.wander is not None and not view.bumped and not self._unstuck.active:
+        if place.wander is not None and not view.bumped:
             aside = self._steering.turning(pose, place.wander, self.spec.speed)
             end = advance(pose, aside, self._step)
             # The step must also end where routes lead on.
             if self._steering.is_free(pose, aside) and self.footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
-        bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
+        bearing, goal = _aim_at(way, view)
         exact = place.exact and self.manoeuvres is not None
         near = bend == spot and math.dist((pose.x, pose.y), spot) < self._parking
-        if near and not exact and not view.bumped and not self._unstuck.active:
+        if near and not exact and not view.bumped:
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
-        if self.manoeuvres is not None and not self._unstuck.active:
+        if self.manoeuvres is not None:
             is_there = exact and view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
             drive = Drive(0.0, 0.0) if is_there else self.manoeuvres.next(view, spot, exact=exact)
             if drive is not None:
                 return Choice(drive, place.state, bearing, goal)
-        choice = self._drive_ahead(view, bearing, goal, place.state)
-        return Choice(choice.command, choice.state, bearing, goal)
+        choice = self._drive_ahead(view, bearing, goal, place.state, bumped=view.bumped)
+        return replace(choice, bearing=bearing, goal=goal)
 
-    def _drive_ahead(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:
-        """Towards the goal ahead in direction ``bearing`` (rad), or out of a dead end."""
-        pose, bumped = view.pose, view.bumped
-        if self._unstuck.active:
-            drive = self._unstuck.step(pose, bumped)
-            if drive is not None:
-                out = self._leave_dead_end(view) if is_halt(drive) else None
-                return out or Choice(drive, State.DEAD_END, None, goal)
-            # It has faced about since the bump, so the bump says nothing of the next step.
-            bumped = False
+    def _drive_ahead(self, view: View, bearing: float | None, goal: Goal | None, state: str, *, bumped: bool) -> Choice:
+        """Drive towards the goal ahead in direction ``bearing`` (rad), or begin to leave a dead end."""
         if goal is None or bearing is None:
             return self._make_halt(State.HOLDING)
-        drive = self._steering.towards(pose, goal.refined)
-        if not bumped and self._steering.is_free(pose, drive):
+        drive = self._steering.towards(view.pose, goal.refined)
+        if not bumped and self._steering.is_free(view.pose, drive):
             return Choice(drive, state, bearing, goal)
-        return self._escape_dead_end(view, bearing, goal)
-
-    def _escape_dead_end(self, view: View, desired: float, goal: Goal | None) -> Choice:
-        """Begin to leave a dead end, to face the direction `desired`, rad."""
         if (back := self._leave_dead_end(view)) is not None:
             return back
-        self._unstuck.begin(desired)
+        self._unstuck.begin(bearing)
         out = self._unstuck.step(view.pose, bumped=False)
-        return Choice(out or Drive(0.0, 0.0), State.DEAD_END, desired, goal)
+        return Choice(out or Drive(0.0, 0.0), State.DEAD_END, bearing, goal)
 
     def _step_to(self, pose: Pose, spot: Spot) -> Drive:
         self._unstuck.active = False
@@ -193,3 +195,9 @@ class CarBody(BodyBase):
 
     def _limit_command(self, pose: Pose, wanted: Drive) -> Drive | None:
         return wanted if self._steering.is_free(pose, wanted) else None
+
+
+def _aim_at(way: tuple[Spot, Spot], view: View) -> tuple[float, Goal]:
+    """Return the direction of the first bend of a way, rad, and the goal."""
+    spot, bend = way
+    return math.atan2(bend[1] - view.pose.y, bend[0] - view.pose.x), Goal(spot, bend)

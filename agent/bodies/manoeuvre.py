@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.manoeuvre import CLEARANCE, search
-from agent.routes.path_window import FAR
-from agent.routes.wave import LONGEST, NO_PATHS, BoxPaths, box_around, paths_in
+from agent.kernels.wave import FAR
+from agent.routes.ground import NO_PATHS, BoxPaths
+from agent.routes.wave import LONGEST, box_around, paths_in
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Twist
 from patrol.radio.message import CM_PER_M

@@ -38,7 +38,7 @@ def best_of(
 
     Args:
         posts: int32 (n, 4), row and column of each point that has a post, and of the post.
-        own: int32 (m, k), path lengths from the robot (`agent.routes.wave.BoxPaths`).
+        own: int32 (m, k), path lengths from the robot (`agent.routes.ground.BoxPaths`).
         row0: Row of the terrain under row 0 of ``own``.
         col0: Column of the terrain under column 0 of ``own``.
         limit: Longest way that counts, in hundredths of a point.
@@ -142,7 +142,7 @@ def longest_own_way(own, rival, limit):
     """Return the length of the longest way within a limit that no rival has a shorter way for, 0 without any.
 
     Args:
-        own: int32 (m, k), path lengths from the robot (`agent.routes.wave.BoxPaths`).
+        own: int32 (m, k), path lengths from the robot (`agent.routes.ground.BoxPaths`).
         rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
         limit: Longest way that counts, in hundredths of a point.
     """

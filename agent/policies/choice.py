@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
 from agent.policies.pursuit import TRIES, Target, age_of
-from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
-from patrol.measures.zoned import zoned_ground
+from agent.routes.ground import NO_PATHS, BoxPaths
+from agent.routes.wave import LONGEST, Box, box_around, paths_in
+from patrol.measures.zoned import ZonedGrounds
 from patrol.radio.peers import places_of
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class FreeChoice:
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.ground.sight.range_m / point)
         self._reach = self._least_reach
-        self._prepared = setup.ground.prepared
+        self.zones: ZonedGrounds = setup.ground.scratch.setdefault("zones", ZonedGrounds(setup.ground.prepared))
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Return True, as each choice is free."""
@@ -104,6 +105,9 @@ class FreeChoice:
 
     def forget(self) -> None:
         """Do nothing, as nothing is kept."""
+
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Do nothing, as nothing is shared."""
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the best point of all, and return the way there."""
@@ -135,11 +139,11 @@ class FreeChoice:
     def _weigh_ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones, at most `MOST_AGE`."""
         fog = view.fog
-        zoned = zoned_ground(self._prepared, view.weighing)
-        if zoned is None and view.mfow <= MOST_AGE:
+        divisions = self.zones.under(view.weighing)
+        if divisions is None and view.mfow <= MOST_AGE:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weights = 1.0 if zoned is None else zoned.weights
+        weights = 1.0 if divisions is None else divisions.zoned.weights
         weighted = np.where(counts, weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:

@@ -45,6 +45,10 @@ class Choice(Protocol):
         """Begin anew, as after a restart: the robot was away to charge."""
         ...
 
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Share the round, if any, with some robots, this one among them, from now on."""
+        ...
+
 
 class Commitment:
     """Chooses freely and keeps to the target; the base of policies that choose on a round."""
@@ -54,7 +58,8 @@ class Commitment:
     def __init__(self, setup: PolicySetup) -> None:
         self._setup = setup
         self.pursuit = Pursuit(setup)
-        self.choice: Choice = FreeChoice(setup)
+        self._free = FreeChoice(setup)
+        self.choice: Choice = self._free
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(RANDOM_MOVE)
         self._step = setup.fleet.step

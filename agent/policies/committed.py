@@ -363,7 +363,7 @@ class Committed(SharedRound):
             most_robots = most_planned(len(laid_out.points) * terrain.point_area, range_m)
             comparison = Comparison(step, laid_out.length_m / spec.speed, team, team > most_robots)
         ahead = RoundAhead(setup, laid_out)
-        spacing = Spacing.on(laid_out, spec, robots, team, stride, range_m, terrain, most_slack)
+        spacing = Spacing(laid_out, spec, robots, team, stride, range_m, terrain, most_slack)
         if view is not None and self._round is not None:
             ahead.go_to(spacing.along_m(spacing.nearest((view.reported.x, view.reported.y))))
         return OnRound(ahead, spacing, self._free, step, self._since, comparison)

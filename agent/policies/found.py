@@ -13,8 +13,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
-from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
+from patrol.classes.named_class import ClassSort, NamedClass, load
 from patrol.errors import BadInput
+from patrol.scenario import CommitmentOptions
 from patrol.scenario.patrols import PAPER as PAPER_PATROL
 from patrol.scenario.policies import COMMITTED, LEARNED, PAPER, STOCHASTIC
 from patrol.values import Section
@@ -63,6 +64,11 @@ class PolicyKind:
     options: Any  # the scenario's, as the policy's own model; an empty mapping where it has none
     ours: bool  # it comes with fogwatch, so that its failures are bugs
 
+    @property
+    def follows_rounds(self) -> bool:
+        """True if it follows tours, or draws from their stations, as also a class that extends such a policy does."""
+        return isinstance(self.options, CommitmentOptions)
+
 
 def policy_named(scenario: Scenario) -> NamedClass:
     """Return the policy as a scenario names it; nothing of it is imported."""
@@ -79,9 +85,9 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     It raises `BadInput` where the policy cannot be found or loaded, its file is not the one that the scenario was
     resolved with, or it does not take the options.
     """
-    named, options = policy_named(scenario), scenario.patrol.options
-    maker = find(named)
-    if not isinstance(options, Section):  # those of a built-in policy were checked with the scenario
-        options = options_of(named, maker)
-    make = cast(Callable[[PolicySetup], Policy], maker)
-    return PolicyKind(named.name, make, options, named.name in POLICIES.built_in)
+    maker, options = load(named := policy_named(scenario))
+    if isinstance(scenario.patrol.options, Section):  # they were checked with the scenario
+        options = scenario.patrol.options
+    return PolicyKind(
+        named.name, cast(Callable[[PolicySetup], Policy], maker), options, named.name in POLICIES.built_in
+    )

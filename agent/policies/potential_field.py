@@ -289,7 +289,7 @@ class PotentialField:
             ground.posts,
             ground.terrain.point,
             ground.scratch,
-            ground.prepared.regions_of(spec.number),
+            ground.prepared.regions.get(spec.number),
             lengths=lengths,
             team=setup.fleet.team,
         )

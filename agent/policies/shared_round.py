@@ -15,13 +15,12 @@ of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from agent.policies.commitment import Choice, Commitment
-from patrol.measures.best_tour import followers_of, round_of
-from patrol.measures.zoned import zoned_ground
+from patrol.measures.best_tour import followers_of
 from patrol.zones.division import Group
 from patrol.zones.spec import weighing_at
 
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.view import View
     from patrol.tours.round import Flat, Round
-    from patrol.zones.division import Classes, ZonedGround
+    from patrol.zones.division import Classes, Divisions
 
 
 MEMORY = 0.5
@@ -113,18 +112,18 @@ class Crew(NamedTuple):
 class Division:
     """The division of the robots that one robot hears."""
 
-    def __init__(self, zoned: ZonedGround, number: int, robots: frozenset[int], team: int, step: float) -> None:
+    def __init__(self, divisions: Divisions, number: int, robots: frozenset[int], team: int, step: float) -> None:
         """Begin before any robot is heard; ``robots`` are all robots, and ``team`` counts them without spare ones."""
         self._number = number
         self._robots = robots
         self._team = team
         self._step = step
         self._heard: dict[int, int] = {}
-        self.divide(zoned)
+        self.divide(divisions)
 
-    def divide(self, zoned: ZonedGround) -> None:
-        """Divide robots between the rounds of ``zoned``, one or more, from now on."""
-        self.zoned = zoned
+    def divide(self, divisions: Divisions) -> None:
+        """Divide robots between the rounds of other ground, one or more, from now on."""
+        self.divisions, zoned = divisions, divisions.zoned
         full_round = zoned.rounds[0, len(zoned.classes) - 1]
         self._memory = max(MEMORY * full_round.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
         self._crews: dict[frozenset[int], Crew] = {}
@@ -143,20 +142,12 @@ class Division:
     def _divide_robots(self, numbers: list[int]) -> Crew:
         begin = 0
         # In reverse, so that the lowest numbers get the round with the greatest weight.
-        for group in reversed(self.zoned.divide(len(numbers))):
+        for group in reversed(self.divisions.divide(len(numbers))):
             robots = frozenset(numbers[begin : begin + group.robots])
             if self._number in robots:
                 return Crew(group.classes, robots)
             begin += group.robots
         raise AssertionError("a division has a group for each robot")
-
-
-class RoundChoice(Choice, Protocol):
-    """The choice of targets on a round that several robots share."""
-
-    def follow_with(self, robots: frozenset[int]) -> None:
-        """Share the round with some robots, this one among them, from now on."""
-        ...
 
 
 class SharedRound(Commitment):
@@ -165,57 +156,51 @@ class SharedRound(Commitment):
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self.division: Division | None = None  # None where there is at most one round
-        self.on_round: RoundChoice | None = None
         prepared, number = setup.ground.prepared, setup.robot.spec.number
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         self._since = 0  # tick from which on the zones in force count
         self._round: Round | None = None
-        self._free = self.choice
-        if (zoned := zoned_ground(prepared, self._weighing)) is not None:
-            self._take_zones(zoned)
-        elif (laid_out := round_of(prepared, number)) is not None:
-            self._choose_on(self._begin_round(laid_out, followers_of(prepared, number), None))
+        if (divisions := self._free.zones.under(self._weighing)) is not None:
+            self._take_zones(divisions)
+        elif (laid_out := prepared.rounds.get(number)) is not None:
+            self.choice = self._begin_round(laid_out, followers_of(prepared.rounds, number), None)
 
-    def _choose_on(self, on_round: RoundChoice | None) -> None:
-        self.on_round, self.choice = on_round, on_round or self._free
-
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> RoundChoice | None:
-        """Return the choice on a round that is shared with some robots, this one among them, or None for none.
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
+        """Return the choice on a round that is shared with some robots, this one among them, or a free one.
 
         Meanwhile `_round` is still the one before, None for none. ``view`` is None before the first tick.
         """
         raise NotImplementedError
 
-    def _round_of(self, zoned: ZonedGround, group: Group) -> Round:
+    def _round_of(self, divisions: Divisions, group: Group) -> Round:
         """Return the round of a group of robots, on ground with zones."""
-        return zoned.round_of(group)
+        return divisions.round_of(group)
 
-    def _take_zones(self, zoned: ZonedGround) -> None:
+    def _take_zones(self, divisions: Divisions) -> None:
         """Go by the zones that are in force now: divide the robots between their rounds."""
         self._round, setup = None, self._setup
-        if not zoned.rounds:
-            self.division = None
-            self._choose_on(None)
+        if not divisions.zoned.rounds:
+            self.division, self.choice = None, self._free
         elif self.division is None:
             self.division = Division(
-                zoned, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
+                divisions, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
             )
         else:
-            self.division.divide(zoned)
+            self.division.divide(divisions)
 
     def _update_round(self, view: View, goes_on: bool) -> None:
         if view.weighing != self._weighing:
             self._weighing, self._since = view.weighing, view.tick if goes_on else 0
-            zoned = zoned_ground(self._setup.ground.prepared, view.weighing)
-            assert zoned is not None
-            self._take_zones(zoned)
+            divisions = self._free.zones.under(view.weighing)
+            assert divisions is not None
+            self._take_zones(divisions)
         if self.division is not None:
             crew = self.division.crew(view)
-            laid_out = self._round_of(self.division.zoned, crew.group)
+            laid_out = self._round_of(self.division.divisions, crew.group)
             # Rounds are kept, so the same round is the same object.
             if laid_out is not self._round:
                 self.pursuit.target = None
-                self._choose_on(self._begin_round(laid_out, crew.robots, view))
-            elif self.on_round is not None:
-                self.on_round.follow_with(crew.robots)
+                self.choice = self._begin_round(laid_out, crew.robots, view)
+            else:
+                self.choice.follow_with(crew.robots)
             self._round = laid_out

@@ -16,7 +16,7 @@ For example, three robots on a tour of 90 m, at 0, 20 and 60 m: the gaps ahead a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -90,71 +90,52 @@ class Followed:
     costs: NDArray[np.float64]  # of each place (`agent.kernels.track.follow`)
 
 
-@dataclass(slots=True)
 class Spacing:
-    """The robots on a round, as one of them knows them."""
+    """The robots on a round, as one of them knows them.
 
-    round: Round
-    number: int
-    followers: frozenset[int]  # numbers of all robots that follow it; those in other parts of the terrain do not count
-    whole: int  # how many of them there are without the spare ones
-    stride: float  # way in a tick, m
-    slack: float  # difference of the gaps from which on a robot waits, as a share of an equal gap
-    slack_m: float  # difference of the gaps that is left alone in any case
-    most_slack: float  # upper bound of the same, as a share of an equal gap
-    length_m: float  # the way that a robot could have driven straight in the time that it needs for the tour
-    along: NDArray[np.float64]  # length of the tour up to each place, m
-    tour: NDArray[np.float64]  # (n, 4), x and y of each place in m, and the direction of the tour there, of length 1
-    robots: dict[int, Followed] = field(default_factory=dict)  # those that are followed, this one too
-    heard: dict[int, Heard] = field(default_factory=dict)  # of this robot and of those heard lately
-    _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    _bumped: int = -(2**30)
-    _all_there: int = -(2**30)
-    _waited: int = 0
-    _rests: bool = True
+    `tour` is float64 (n, 4): x and y of each place in m, and the direction of the tour there, of length 1. `length_m`
+    is the way that a robot could have driven straight in the time that it needs for the tour.
+    """
 
-    @classmethod
-    def on(
-        cls,
+    def __init__(
+        self,
         laid_out: Round,
         spec: RobotSpec,  # of the robot itself
-        followers: frozenset[int],
-        whole: int,
-        stride: float,
+        followers: frozenset[int],  # all robots that follow it; those in other parts of the terrain do not count
+        whole: int,  # how many of them there are without the spare ones
+        stride: float,  # way in a tick, m
         range_m: float,  # of its sensor
         terrain: Terrain,
-        most_slack: float = math.inf,
-    ) -> Spacing:
+        most_slack: float = math.inf,  # upper bound of the slack, as a share of an equal gap
+    ) -> None:
         """Lay places a stride of driving apart along a round."""
-        spots = np.array([terrain.centre(*divmod(int(cell), terrain.width)) for cell in laid_out.places])
-        lost, slack = np.zeros(len(spots) + 1), SLACK
-        if spec.model != "holonomic":
-            turns = _find_turns(spots, laid_out, TURNING_STRIDES * stride)
-            lost[1:], slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
-        length_m = laid_out.length_m + float(lost[-1])
-        count = max(4, min(int(length_m / stride), len(laid_out.places)))
-        stops = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (length_m / count))
-        stops = np.minimum(stops, len(laid_out.places) - 1)
-        spots = spots[stops]
-        course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
-        length = np.sqrt((course**2).sum(axis=1))[:, None]
-        # The course has no length where the tour comes back the way it went.
-        tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        slack_m, along = SLACK_RANGES * range_m, laid_out.along[stops]
-        return cls(
+        self.round, self.number, self.followers, self.whole, self.stride = (
             laid_out,
             spec.number,
             followers,
             whole,
             stride,
-            slack,
-            slack_m,
-            most_slack,
-            length_m,
-            along,
-            tour,
-            _scratch=np.zeros(count),
         )
+        self.robots: dict[int, Followed] = {}  # those that are followed, this one too
+        self.heard: dict[int, Heard] = {}  # of this robot and of those heard lately
+        self._slack, self._slack_m, self._most_slack = SLACK, SLACK_RANGES * range_m, most_slack
+        self._bumped = self._all_there = -(2**30)
+        self._waited, self._rests = 0, True
+        spots = np.array([terrain.centre(*divmod(int(cell), terrain.width)) for cell in laid_out.places])
+        lost = np.zeros(len(spots) + 1)
+        if spec.model != "holonomic":
+            turns = _find_turns(spots, laid_out, TURNING_STRIDES * stride)
+            lost[1:], self._slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
+        self.length_m = laid_out.length_m + float(lost[-1])
+        count = max(4, min(int(self.length_m / stride), len(laid_out.places)))
+        stops = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (self.length_m / count))
+        stops = np.minimum(stops, len(laid_out.places) - 1)
+        spots = spots[stops]
+        course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
+        length = np.sqrt((course**2).sum(axis=1))[:, None]
+        # The course has no length where the tour comes back the way it went.
+        self.tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
+        self._along, self._scratch = laid_out.along[stops], np.zeros(count)
 
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
@@ -186,7 +167,7 @@ class Spacing:
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""
-        return float(self.along[place])
+        return float(self._along[place])
 
     @property
     def own_place(self) -> int:
@@ -293,8 +274,8 @@ class Spacing:
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
         equal = self.count / len(self.robots)
         per_m = self.count / self.length_m
-        places = min(self.slack_m * per_m, max(self.most_slack * equal, LEAST_STRIDES * self.stride * per_m))
-        return ahead < behind - max(self.slack * equal, places)
+        places = min(self._slack_m * per_m, max(self._most_slack * equal, LEAST_STRIDES * self.stride * per_m))
+        return ahead < behind - max(self._slack * equal, places)
 
 
 def _find_turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:

@@ -42,7 +42,6 @@ from agent.kernels.plan import compare, guess_ways, improve, oldest_ages, weight
 from agent.policies.pursuit import STILL_STALE, Target
 from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from patrol.measures.best_tour import most_planned
-from patrol.measures.zoned import zoned_ground
 from patrol.radio.peers import columns_of
 from patrol.scenario import StochasticOptions
 from patrol.zones.division import KEPT
@@ -57,7 +56,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Round, Stations
-    from patrol.zones.division import Group, ZonedGround
+    from patrol.zones.division import Divisions, Group, ZonedGround
 
 
 SPREAD = 0.28
@@ -483,22 +482,22 @@ class Stochastic(SharedRound):
 
     Options = StochasticOptions
 
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> JointPlan | None:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
         del view
         if laid_out.stations is None:
-            return None
+            return self._free
         setup, ground, fleet = self._setup, self._setup.ground, self._setup.fleet
         weights, team, most_robots = None, float(len(robots)), math.inf
-        if (zoned := zoned_ground(ground.prepared, self._weighing)) is not None:
-            weights = _with_margin(zoned)  # free choices are not bound to the ground of a zone
+        if self.division is not None:
+            weights = _with_margin(self.division.divisions.zoned)  # free choices are not bound to the ground of a zone
         else:
             team /= len(fleet.roster) / fleet.team
             most_robots = most_planned(len(laid_out.points) * ground.terrain.point_area, ground.sight.range_m)
         stations = KnownStations(setup, laid_out, laid_out.stations, weights)
         return JointPlan(setup, laid_out, stations, self._free, robots, team, most_robots)
 
-    def _round_of(self, zoned: ZonedGround, group: Group) -> Round:
-        return zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
+    def _round_of(self, divisions: Divisions, group: Group) -> Round:
+        return divisions.zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
 
 
 def _with_margin(zoned: ZonedGround) -> NDArray[np.float64]:

@@ -5,18 +5,15 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.ground import close_discs, open_elements
-from agent.kernels.wave import encode
+from agent.kernels.wave import FAR, encode
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import BoolGrid, Terrain
-
-if TYPE_CHECKING:
-    from agent.routes.wave import BoxPaths
 
 Spot = tuple[float, float]
 """x and y in m."""
@@ -51,6 +48,29 @@ Closed = tuple[tuple[Disc, ...], tuple[Area, ...]]
 """The discs and areas in the way."""
 
 NOTHING: Closed = (), ()
+
+
+NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
+
+
+class BoxPaths(NamedTuple):
+    """The paths from the nearest of some points, over a box of the ground."""
+
+    length: NDArray[np.int32]  # (m, n), in hundredths of a point, `FAR` where unknown; framed by one such point
+    bend: NDArray[np.int32]  # (m, n), flat index into the box of each path's first bend; size 0 unless asked for
+    row0: int  # row of the terrain under row 0
+    col0: int  # column of the terrain under column 0
+    limit: int  # longest path that counts as known, in hundredths of a point
+
+    def length_to(self, row: int, col: int) -> int:
+        """Return the length of the path to a point (row, col) of the terrain; `FAR` for none within the limit."""
+        up, across = row - self.row0, col - self.col0
+        inside = 0 <= up < self.length.shape[0] and 0 <= across < self.length.shape[1]
+        length = int(self.length[up, across]) if inside else FAR
+        return length if length <= self.limit else FAR
+
+
+NO_PATHS = BoxPaths(NO_BENDS, NO_BENDS, 0, 0, 0)
 
 
 class _Grids:

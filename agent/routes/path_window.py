@@ -8,11 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.wave import SETTLED, STATUS
+from agent.kernels.wave import FAR, SETTLED, STATUS
 from agent.routes.ground import Ground
-
-FAR = 2**31 - 1
-"""The length of an unknown path."""
 
 DIAGONAL = 141
 """The length of the longest step of a path from point to point."""

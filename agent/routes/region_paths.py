@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.region_paths import last_legs, route
-from agent.kernels.wave import SETTLED, STATUS
+from agent.kernels.wave import FAR, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR, Lengths, PathWindow, Place
+from agent.routes.path_window import Lengths, PathWindow, Place
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.ground import Ground, Spot
-from agent.routes.path_window import DIAGONAL, FAR, Place
-from agent.routes.wave import LONGEST, BoxPaths, box_between, paths_in
+from agent.kernels.wave import FAR
+from agent.routes.ground import BoxPaths, Ground, Spot
+from agent.routes.path_window import DIAGONAL, Place
+from agent.routes.wave import LONGEST, box_between, paths_in
 
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.path_window import DIAGONAL, FAR
+from agent.kernels.wave import FAR
+from agent.routes.path_window import DIAGONAL
 
 if TYPE_CHECKING:
     from collections.abc import Set

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, framed_box, settle, settle_box
-from agent.routes.ground import Ground
-from agent.routes.path_window import FAR, Lengths, PathWindow, Place
+from agent.routes.ground import BoxPaths, Ground
+from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.kernels.footprint import cast
 from patrol.scenario.policies import Ties
 
@@ -26,29 +25,8 @@ NEXT_TO = 1.5
 Box = tuple[int, int, int, int]
 """First and end row, first and end column of the terrain; ends are exclusive."""
 
-NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
 NO_SIGHT: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
 FOUND = {None: FIRST_BENDS, "diagonal": FIRST_BENDS, "straight": DIAGONAL_LAST, "drawn": DRAWN}
-
-
-class BoxPaths(NamedTuple):
-    """The paths from the nearest of some points, over a box of the ground."""
-
-    length: NDArray[np.int32]  # (m, n), in hundredths of a point, `FAR` where unknown; framed by one such point
-    bend: NDArray[np.int32]  # (m, n), flat index into the box of each path's first bend; size 0 unless asked for
-    row0: int  # row of the terrain under row 0
-    col0: int  # column of the terrain under column 0
-    limit: int  # longest path that counts as known, in hundredths of a point
-
-    def length_to(self, row: int, col: int) -> int:
-        """Return the length of the path to a point (row, col) of the terrain; `FAR` for none within the limit."""
-        up, across = row - self.row0, col - self.col0
-        inside = 0 <= up < self.length.shape[0] and 0 <= across < self.length.shape[1]
-        length = int(self.length[up, across]) if inside else FAR
-        return length if length <= self.limit else FAR
-
-
-NO_PATHS = BoxPaths(NO_BENDS, NO_BENDS, 0, 0, 0)
 
 
 def box_around(point: tuple[int, int], reach: int, shape: tuple[int, int]) -> Box:

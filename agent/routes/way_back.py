@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.kernels.wave import HEMMED, STATUS
-from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
-from agent.routes.wave import BoxPaths, box_around, paths_in
+from agent.kernels.wave import FAR, HEMMED, STATUS
+from agent.routes.ground import BoxPaths, Ground
+from agent.routes.wave import box_around, paths_in
 from patrol.ground.cspace import cspace_of
 from patrol.ground.swept_path import line_is_free
 

@@ -64,7 +64,7 @@ def games_of(run: Run, attacks_s: Sequence[float], moving: Moving | None = None)
 
     Raises BadInput for a zone that the scenario does not have, and where `moving.prepare` does.
     """
-    graph = run.prepared.graph
+    graph = run.prepared.make_graph()
     looks = Looks(run, graph, None if moving is None else moving.infiltrator)
     sightings = looks.sightings
     play(run, [looks], looks.footprint)

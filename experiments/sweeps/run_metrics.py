@@ -104,7 +104,9 @@ class GameLog:
         footprint = world.truth.footprint
         if footprint.leaves_age:
             return lambda _: None
-        graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
+        graph = (
+            None if world.scenario.terrain.graph is None else world.prepared.make_graph()
+        )  # as `nodes` in the summary
         sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
         self.sightings = sightings
         self._step = world.scenario.step

@@ -13,8 +13,8 @@ from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.fog import Fog
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts
-from patrol.measures.best_tour import MOST_ROBOTS, most_planned, why_no_rounds
-from patrol.measures.zoned import zone_weights, zoned_ground
+from patrol.measures.best_tour import MOST_ROBOTS, TourFinder, most_planned
+from patrol.measures.zoned import ZonedGrounds, zone_weights
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.radio.message import as_received
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport
     from patrol.ground.left_out import LeftOut
     from patrol.ground.terrain import Terrain
-    from patrol.zones.division import ZonedGround
+    from patrol.zones.division import Divisions
     from patrol.zones.spec import ZoneSpec
 
 
@@ -45,7 +45,9 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             f"m/s that see {sensor.range:g} m, and otherwise in a run of another fleet"
         )
     yield f"zones: {len(zones)}{fleet}"
-    weights, zoned = zone_weights(prepared), zoned_ground(prepared)
+    weights = zone_weights(prepared)
+    # As if all zones were in force with their first weights.
+    divisions = ZonedGrounds(prepared).under(frozenset((zone.name, zone.weight) for zone in zones if zone.weighs))
     area = prepared.terrain.point_area
     for zone in zones:
         points = points_of(zone, prepared.terrain)
@@ -61,7 +63,7 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
             continue
         seen_m2 = np.count_nonzero(points & prepared.patrolled) * area
-        wish = "" if zoned is None or zone.age is None else f"; {_wish_text(zone, zoned, prepared, robots)}"
+        wish = "" if divisions is None or zone.age is None else f"; {_wish_text(zone, divisions, prepared, robots)}"
         yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen_m2:.1f} m² to patrol{wish}{times}"
     inside = [points_of(zone, prepared.terrain) for zone in zones if zone.keep_out]
     if inside:
@@ -72,16 +74,16 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
 
 
-def _wish_text(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:
+def _wish_text(zone: ZoneSpec, divisions: Divisions, prepared: Prepared, robots: int) -> str:
     """Say whether robots can keep a zone's wanted age on the rounds of the best division, or else how many could."""
-    wanted = f"wanted age {zone.age:g} s"
+    wanted, zoned = f"wanted age {zone.age:g} s", divisions.zoned
     if not zoned.rounds:
         return f"{wanted}: not judged, as there are no rounds over these zones"
     points = points_of(zone, prepared.terrain) & prepared.patrolled
     number = zoned.classes.index(float(zoned.weights[points].min()))
-    if zoned.wish_kept(zoned.divide(robots), number):
+    if divisions.wish_kept(divisions.divide(robots), number):
         return f"{wanted}: {robots} robots can keep it"
-    enough = [n for n in range(robots + 1, MOST_ROBOTS + 1) if zoned.wish_kept(zoned.divide(n), number)]
+    enough = [n for n in range(robots + 1, MOST_ROBOTS + 1) if divisions.wish_kept(divisions.divide(n), number)]
     remedy = f"{enough[0]} robots could" if enough else f"nor could {MOST_ROBOTS}"
     return f"{wanted}: cannot be kept by {robots} robots; {remedy}"
 
@@ -135,7 +137,7 @@ def scenario_notes(prepared: Prepared) -> list[str]:
     That is: doubtful readings of the map, free ground that no robot sees, nothing to patrol, a patrol without a plan,
     older settings.
     """
-    left_out = prepared.left_out
+    left_out = prepared.find_left_out()
     return [
         *doubts(prepared.terrain),
         *([] if left_out is None else [f"left out: {left_out.text}{_start_there(left_out)}"]),
@@ -174,7 +176,7 @@ def _not_drawn(prepared: Prepared) -> list[str]:
     if policy not in (PATROLS[STOCHASTIC].policy, PATROLS[TOUR].policy):
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
-    if why := why_no_rounds(prepared):
+    if why := TourFinder(prepared).why_no_rounds:
         return [f"{free}: {why}"]
     if not isinstance(scenario.patrol, StochasticPatrol):
         return []

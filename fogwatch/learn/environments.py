@@ -107,7 +107,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         self._last: TickRecord | None = None
         observer = Observer(self.prepared.terrain, options, self.scenario.step)
         self._silent: Parts = {name: np.zeros(shape, np.float32) for name, shape in observer.shapes.items()}
-        choices = {"bearing": STAY + 1, "node": self.prepared.graph.size if options.actions == "node" else 0}
+        choices = {"bearing": STAY + 1, "node": self.prepared.make_graph().size if options.actions == "node" else 0}
         self._choices = choices.get(options.actions)
         if self._choices is not None:
             self._silent[MASK] = np.ones(self._choices, np.int8)

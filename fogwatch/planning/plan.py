@@ -295,7 +295,7 @@ class _Planner:
             _shared_s(tours, scenario, self._limits),
             territories,
             max(own_s, default=None),
-            left_out=prepared.left_out,
+            left_out=prepared.find_left_out(),
         )
         self._progress(f"{robots_text(number)}: tours", 1.0)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,7 +149,7 @@ def draw_situation(
         RuleBroken: There is no such policy.
     """
     from agent.belief.believed import Beliefs
-    from agent.build import Shared, build_mind, shared_by
+    from agent.build import Shared, build_mind
     from agent.policies.found import PolicyKind, policy_of
     from patrol.exchange import Sensed
     from patrol.ground.terrain import Terrain
@@ -170,10 +170,12 @@ def draw_situation(
         setups.append(setup)
         return kind.make(setup)
 
-    shared: Shared = shared_by(prepared)
-    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
     noted = PolicyKind(kind.name, make, kind.options, kind.ours)
-    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind), kind=noted)
+    shared = Shared(prepared, kind=noted)
+    shared.beliefs = Beliefs(
+        inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint)
+    )
+    mind = build_mind(shared, 1)
     ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
     silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:

@@ -116,7 +116,7 @@ def measures(run: Run) -> list[Measure]:
     figures = run.figures.model_copy(
         update={"best_tour_s": best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)}
     )
-    left_out = run.prepared.left_out
+    left_out = run.prepared.find_left_out()
     notes = {
         "mfow_mean_s": f"lower bound {figures.bound_s:.1f} s" if figures.bound_s else f"lower bound 0: {NO_BOUND}",
         "best_tour_s": NO_TOUR if figures.best_tour_s is None else _tour_note(run),

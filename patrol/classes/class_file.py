@@ -58,24 +58,25 @@ def _offer_classes(value: Any, info: ValidationInfo) -> str:
 
 def file_digest(path: Path, field: str) -> str:
     """Return the SHA-256 (hex) of a class's file."""
-    return hashlib.sha256(class_source(path, field)).hexdigest()
+    return checked_source(path, None, field)[1]
 
 
-def class_source(path: Path, field: str, kind: Kind = OWN_CLASS) -> bytes:
-    """Return the content of a class's file, or of another file that a field names."""
+def checked_source(path: Path, sha256: str | None, field: str, kind: Kind = OWN_CLASS) -> tuple[bytes, str]:
+    """Return the content of a class's file, or of another file that a field names, and its SHA-256 (hex).
+
+    A file whose SHA-256 is not the one that the scenario gives, if it gives one, is refused.
+    """
     try:
-        return read_untrusted(path, kind)
+        content = read_untrusted(path, kind)
     except OSError as error:
         raise BadInput(f"{field} = {path}: cannot be read ({error.strerror}); correct it") from None
-
-
-def check_resolved(path: Path, digest: str, sha256: str | None, field: str) -> None:
-    """Refuse a file whose SHA-256 (hex) is not the one that the scenario gives, if it gives one."""
+    digest = hashlib.sha256(content).hexdigest()
     if sha256 is not None and digest != sha256:
         raise BadInput(
             f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
             f"{sha256[:12]}); restore it, or drop {field}_sha256 to run with this one"
         )
+    return content, digest
 
 
 class ClassSection(Section):
@@ -125,11 +126,12 @@ class ClassSection(Section):
         section, source = super().with_copies(folder), class_file(name)
         if source is None:
             return section
-        if digest not in (None, file_digest(source, self.NAMED)):
+        content, now = checked_source(source, None, self.NAMED)
+        if digest not in (None, now):
             raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
         subfolder = folder / self.SORT
         subfolder.mkdir()
-        (subfolder / source.name).write_bytes(class_source(source, self.NAMED))
+        (subfolder / source.name).write_bytes(content)
         return section.model_copy(update={field: f"./{self.SORT}/{source.name}:{name.rpartition(':')[2]}"})
 
 
@@ -139,11 +141,9 @@ FIELD = "patrol.options.weights"
 
 def weights_content(path: Path, sha256: str | None = None) -> bytes:
     """Return the content of a trained network's file, after checking its SHA-256 (hex) where one is given."""
-    content = class_source(path, FIELD, WEIGHTS)
-    check_resolved(path, hashlib.sha256(content).hexdigest(), sha256, FIELD)
-    return content
+    return checked_source(path, sha256, FIELD, WEIGHTS)[0]
 
 
 def weights_digest(path: Path) -> str:
     """Return the SHA-256 (hex) of a trained network's file."""
-    return hashlib.sha256(weights_content(path)).hexdigest()
+    return checked_source(path, None, FIELD, WEIGHTS)[1]

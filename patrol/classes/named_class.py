@@ -12,7 +12,6 @@ stands for; `patrol.classes.static_check` looks at it without running it.
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import inspect
 import sys
@@ -25,7 +24,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from patrol.classes.class_file import check_resolved, class_file, class_source
+from patrol.classes.class_file import checked_source, class_file
 from patrol.classes.exits import keep_process
 from patrol.errors import BadInput, did_you_mean
 from patrol.kernel_cache import keep_own
@@ -79,6 +78,12 @@ def find(named: NamedClass) -> type[Any]:
     return named_type
 
 
+def load(named: NamedClass) -> tuple[type[Any], Any]:
+    """Import the class that a name stands for (`find`), and return it with its validated options."""
+    named_type = find(named)
+    return named_type, options_of(named, named_type)
+
+
 def options_of(named: NamedClass, found: type[Any]) -> Any:
     """Return the validated options of a class: an instance of its own model, or an empty mapping without one."""
     options, field = dict(named.options), f"{named.sort.section}.options"
@@ -110,14 +115,6 @@ def entry_point_of(named: NamedClass) -> EntryPoint:
             f"{named.field}: no such {sort.noun}; {_offer_names(name, [*sort.built_in, *sorted(offered)])}, {remedy}"
         )
     return offered[name]
-
-
-def checked_source(path: Path, named: NamedClass) -> tuple[bytes, str]:
-    """Return a class's file and its SHA-256 (hex), after checking that against the one that the scenario gives."""
-    source = class_source(path, named.sort.field)
-    digest = hashlib.sha256(source).hexdigest()
-    check_resolved(path, digest, named.sha256, named.sort.field)
-    return source, digest
 
 
 def no_class(named: NamedClass) -> BadInput:
@@ -181,7 +178,7 @@ def _module_of(path: Path, named: NamedClass) -> ModuleType:
     """
     if path.suffix != ".py":
         raise BadInput(f"{path}: is no Python file; give ./file.py:Class")
-    source, digest = checked_source(path, named)
+    source, digest = checked_source(path, named.sha256, named.sort.field)
     name = f"fogwatch_{named.sort.noun}_{digest}"
     if name in sys.modules:
         return sys.modules[name]

@@ -13,16 +13,8 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from patrol.classes.class_file import LONGEST, class_file
-from patrol.classes.named_class import (
-    NamedClass,
-    absent_class,
-    absent_module,
-    checked_source,
-    entry_point_of,
-    no_class,
-    raised,
-)
+from patrol.classes.class_file import LONGEST, checked_source, class_file
+from patrol.classes.named_class import NamedClass, absent_class, absent_module, entry_point_of, no_class, raised
 from patrol.errors import printable
 
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -35,7 +27,7 @@ def check_without_running(named: NamedClass) -> None:
     """
     if named.name in named.sort.built_in or (path := source_file(named)) is None:
         return
-    source, _ = checked_source(path, named)
+    source, _ = checked_source(path, named.sha256, named.sort.field)
     name = _module_and_name(named)[1]
     if len(source) > LONGEST or "." in name:
         return
@@ -57,7 +49,7 @@ def announce(classes: Iterable[NamedClass]) -> None:
         path = source_file(named)
         what = "compiled" if path is None else f"imported from {path}"  # or from byte code beside it
         if path is not None and class_file(named.name) is not None:
-            what = f"SHA-256 {checked_source(path, named)[1][:12]}"
+            what = f"SHA-256 {checked_source(path, named.sha256, named.sort.field)[1][:12]}"
         lines.append(f"fogwatch: runs code: {named.field}, {what}")
     for line in lines:
         print(printable(line), file=sys.stderr, flush=True)

@@ -13,13 +13,14 @@ import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.files.whole_file import write_whole
 from patrol.ground.cspace import parts_of
 from patrol.ground.fields import StaticFields, anchor
 from patrol.ground.terrain import BoolGrid, frozen_grid
@@ -29,7 +30,6 @@ from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.tours.round import Round, Tour, lay_out
 
 if TYPE_CHECKING:
-    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
@@ -42,6 +42,7 @@ class OwnGround:
 
     reach: BoolGrid  # the connected part of the reachable ground
     patrolled: BoolGrid  # the patrolled points in it, and those that are best seen from it
+    proxy: NDArray[np.int32]  # as in `StaticFields`
 
 
 def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
@@ -59,7 +60,7 @@ def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
         part = 0 if start_point is None else int(labels[body][start_point])
         if (body, part) not in own_by_part:
             reach = frozen_grid(labels[body] == part) if part else fields.reach
-            own_by_part[body, part] = OwnGround(reach, _seen_from(fields, reach))
+            own_by_part[body, part] = OwnGround(reach, _seen_from(fields, reach), fields.proxy)
         grounds[spec.number] = own_by_part[body, part]
     return grounds
 
@@ -146,150 +147,128 @@ def best_tour(prepared: Prepared) -> BestTour:
 
     In a fleet of several radii, the larger bodies see what they can, and the smaller ones the rest.
     """
-    scenario, terrain, sensor = prepared.scenario, prepared.terrain, _sensor_for_tours(prepared)
-    if sensor is None:
+    finder = TourFinder(prepared)
+    if not finder.sees_all_round:
         return BestTour(())
-    grounds = own_grounds(prepared)
     groups: dict[int, list[int]] = {}
-    for spec in scenario.roster:
-        groups.setdefault(id(grounds[spec.number]), []).append(spec.number)
-    specs = {spec.number: spec for spec in scenario.roster}
+    for number, own in finder.grounds.items():
+        groups.setdefault(id(own), []).append(number)
+    specs = {spec.number: spec for spec in prepared.scenario.roster}
     uncovered = prepared.patrolled.copy()
     parts = []
     for robots in sorted(groups.values(), key=lambda robots: -specs[robots[0]].radius):
-        robot_ground = grounds[robots[0]]
-        part_ground = robot_ground.patrolled & uncovered
-        uncovered &= ~robot_ground.patrolled
+        own = finder.grounds[robots[0]]
+        part_ground = own.patrolled & uncovered
+        uncovered &= ~own.patrolled
         if part_ground.any():
-            tour = _find_tour(terrain, robot_ground, part_ground, prepared.fields[robots[0]].proxy, *sensor)
+            tour = finder.find(own, part_ground)
             speed = min(specs[number].speed for number in robots)
             length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
             parts.append(PartTour(tuple(robots), speed, length_m, way))
     return BestTour(tuple(parts))
 
 
-def round_of(prepared: Prepared, number: int) -> Round | None:
-    """Find a robot's round: a short closed tour on which it sees all of its own ground, laid out.
+def rounds_of(prepared: Prepared) -> dict[int, Round | None]:
+    """Find each robot's round, by number: a short closed tour on which it sees all of its own ground, laid out.
 
-    None in a fleet of more than `MOST_ROBOTS` or of several speeds, where the ground is too large for a tour, where all
-    of it is seen from one place, or where the sensor has none (`BestTour`). Rounds are found for all robots at once,
-    and `Prepared.rounds` keeps them. Robots of one radius in one part of the terrain share one.
+    None in a fleet that follows none (`TourFinder.why_no_rounds`), where the ground is too large for a tour, and where
+    all of it is seen from one place. Robots of one radius in one part of the terrain share one.
     """
-    if number not in prepared.rounds:
-        prepared.rounds.update(_rounds_of(prepared))
-    return prepared.rounds[number]
+    finder = TourFinder(prepared)
+    if finder.why_no_rounds:
+        return dict.fromkeys(finder.grounds)
+    distinct = {id(own): own for own in finder.grounds.values()}
+    rounds = {key: finder.find_round(own) for key, own in distinct.items()}
+    return {number: rounds[id(own)] for number, own in finder.grounds.items()}
 
 
-def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
-    """Find a short closed tour on which a part of the ground is seen, for robots that all have one ground.
-
-    The part holds at least one patrolled point. None where the fleet follows no rounds (`round_of`).
-    """
-    sensor = _sensor_for_rounds(prepared)
-    if sensor is None:
-        return None
-    number, robot_ground = next(iter(own_grounds(prepared).items()))
-    return _find_tour(prepared.terrain, robot_ground, ground, prepared.fields[number].proxy, *sensor)
-
-
-def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
-    """Lay a tour of `tour_over` out over its part of the ground, as a round at least a point long."""
-    terrain, footprint = prepared.terrain, sensor_footprint(prepared.scenario, prepared.terrain)
-    number, robot_ground = next(iter(own_grounds(prepared).items()))
-    laid_out = lay_out(terrain, robot_ground.reach, ground, prepared.fields[number].proxy, footprint, tour)
-    return replace(laid_out, length_m=max(laid_out.length_m, terrain.point))
-
-
-def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
+def followers_of(rounds: Mapping[int, Round | None], number: int) -> frozenset[int]:
     """Find the robots that share a robot's round, itself included, and those of other radii in its part of the terrain.
 
     The rounds of other radii lead much the same way, so robots keep their distances from those on them too.
     """
-    own_round = round_of(prepared, number)
+    own_round = rounds[number]
     shared = {id(own_round): True}
-    for laid_out in prepared.rounds.values():
+    for laid_out in rounds.values():
         if id(laid_out) not in shared:
             shared[id(laid_out)] = bool(own_round and laid_out and np.isin(laid_out.points, own_round.points).any())
-    return frozenset(follower for follower, laid_out in prepared.rounds.items() if shared[id(laid_out)])
+    return frozenset(follower for follower, laid_out in rounds.items() if shared[id(laid_out)])
 
 
-def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
-    terrain, sensor = prepared.terrain, _sensor_for_rounds(prepared)
-    if sensor is None:
-        return dict.fromkeys(prepared.scenario.numbers)
-    footprint, identity = sensor
-    rounds: dict[int, Round | None] = {}
-    of_ground: dict[int, Round | None] = {}
-    for number, ground in own_grounds(prepared).items():
-        if id(ground) not in of_ground:
-            proxy = prepared.fields[number].proxy
-            tour = None
-            if ground.patrolled.any():
-                tour = _find_tour(terrain, ground, ground.patrolled, proxy, footprint, identity)
-            if tour is None or tour.length_m == 0.0:
-                of_ground[id(ground)] = None
-            else:
-                digest = _tour_digest(terrain, ground.reach, ground.patrolled, footprint, (*identity, repr(tour)))
-                file = _tour_file(f"{digest}.npz")
-                of_ground[id(ground)] = lay_out(terrain, ground.reach, ground.patrolled, proxy, footprint, tour, file)
-        rounds[number] = of_ground[id(ground)]
-    return rounds
+class TourFinder:
+    """Finds tours for a fleet.
 
-
-def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
-    """Return the footprint and the identity of a sensor over whose views tours are found.
-
-    None for one that does not see all round at one look, or whose code may change under its name.
+    `grounds` is the own ground of each robot, by number. There are tours only where the sensor `sees_all_round` at one
+    look, and its code cannot change under its name.
     """
-    scenario = prepared.scenario
-    footprint, identity = sensor_footprint(scenario, prepared.terrain), _sensor_identity(scenario.sensor)
-    if not footprint.all_round or footprint.leaves_age or identity is None:
-        return None
-    return footprint, identity
 
+    def __init__(self, prepared: Prepared) -> None:
+        self.grounds = own_grounds(prepared)
+        self._roster, self.terrain = prepared.scenario.roster, prepared.terrain
+        self._footprint = footprint = sensor_footprint(prepared.scenario, prepared.terrain)
+        identity = _sensor_identity(prepared.scenario.sensor)
+        self.sees_all_round = footprint.all_round and not footprint.leaves_age and identity is not None
+        self._identity = identity or ()
 
-def why_no_rounds(prepared: Prepared) -> str:
-    """Return why a fleet of such robots and sensors follows no rounds; empty where it may."""
-    roster = prepared.scenario.roster
-    if len(roster) > MOST_ROBOTS:
-        return f"the fleet has more than {MOST_ROBOTS} robots"
-    if len({spec.speed for spec in roster}) > 1:
-        return "its robots have several speeds"  # fast robots would wait for slow ones
-    if _sensor_for_tours(prepared) is None:
-        return (
-            "its sensor does not look all around, leaves some of a point's age, or is a class of an installed package"
-        )
-    return ""
+    @property
+    def why_no_rounds(self) -> str:
+        """The reason that a fleet of such robots and sensors follows no rounds; empty where it may."""
+        if len(self._roster) > MOST_ROBOTS:
+            return f"the fleet has more than {MOST_ROBOTS} robots"
+        if len({spec.speed for spec in self._roster}) > 1:
+            return "its robots have several speeds"  # fast robots would wait for slow ones
+        if not self.sees_all_round:
+            return (
+                "its sensor does not look all around, leaves some of a point's age, or is a class of an installed "
+                "package"
+            )
+        return ""
+
+    def find(self, own: OwnGround, ground: BoolGrid) -> Tour | None:
+        """Find a tour over a part of a robot's own ground: known to this process, in the cache, or by a search.
+
+        None where the part is too large for a tour.
+        """
+        digest = self._digest(own, ground)
+        if digest not in _known:
+            file = _tour_file(f"{digest}.json")
+            try:
+                tour = _read_tour(file, self.terrain, own)
+            except (OSError, ValueError, LookupError, TypeError):
+                from patrol.tours.search import find_tour  # here: most processes need no tour
+
+                tour = find_tour(self.terrain, own.reach, ground, own.proxy, self._footprint)
+                _keep_tour(file, tour)
+            if len(_known) >= MOST_KNOWN:
+                del _known[next(iter(_known))]
+            _known[digest] = tour
+        return _known[digest]
+
+    def find_round(self, own: OwnGround) -> Round | None:
+        """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour."""
+        tour = self.find(own, own.patrolled) if own.patrolled.any() else None
+        if tour is None or tour.length_m == 0.0:
+            return None
+        return self.lay_out(own, own.patrolled, tour, _tour_file(f"{self._digest(own, own.patrolled, repr(tour))}.npz"))
+
+    def lay_out(self, own: OwnGround, ground: BoolGrid, tour: Tour, file: Path | None = None) -> Round:
+        """Lay a tour out over a part of a robot's own ground; `file` is as for `patrol.tours.round.lay_out`."""
+        return lay_out(self.terrain, own.reach, ground, own.proxy, self._footprint, tour, file)
+
+    def _digest(self, own: OwnGround, ground: BoolGrid, *more: str) -> str:
+        terrain, footprint = self.terrain, self._footprint
+        # Corners are in m; left out where the origin is (0, 0), as it was at first, so that older files stay known.
+        origin = terrain.origin if any(terrain.origin) else ()
+        sensor = footprint.radius, footprint.line_of_sight, *self._identity
+        digest = hashlib.sha256(repr((VERSION, terrain.shape, terrain.point, *sensor, *more, *origin)).encode())
+        for grid in (terrain.passable, own.reach, ground):
+            digest.update(np.packbits(grid).tobytes())
+        return digest.hexdigest()[:32]
 
 
 def most_planned(ground_m2: float, range_m: float) -> float:
     """Return for how many robots at most a joint plan is made."""
     return ground_m2 / (CROWDED * math.pi * range_m**2)
-
-
-def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
-    """Return the footprint and identity of the sensor of a fleet that may follow rounds; None of another one."""
-    return None if why_no_rounds(prepared) else _sensor_for_tours(prepared)
-
-
-def _find_tour(
-    terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint, identity: tuple[str, ...]
-) -> Tour | None:
-    """Find a tour: known to this process, in the cache, or by a search."""
-    digest = _tour_digest(terrain, own.reach, ground, footprint, identity)
-    if digest not in _known:
-        file = _tour_file(f"{digest}.json")
-        try:
-            tour = _read_tour(file, terrain, own)
-        except (OSError, ValueError, LookupError, TypeError):
-            from patrol.tours.search import find_tour  # here: most processes need no tour
-
-            tour = find_tour(terrain, own.reach, ground, proxy, footprint)
-            _keep_tour(file, tour)
-        if len(_known) >= MOST_KNOWN:
-            del _known[next(iter(_known))]
-        _known[digest] = tour
-    return _known[digest]
 
 
 def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
@@ -307,12 +286,9 @@ def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
 
 def _keep_tour(file: Path, tour: Tour | None) -> None:
     """Write a tour into the cache, if it can be written."""
-    part = file.with_name(f"{file.name}.{os.getpid()}")
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        says = {"length_m": None} if tour is None else {"length_m": tour.length_m, "way": tour.way}
-        part.write_text(json.dumps(says), encoding="utf-8")
-        part.replace(file)
+        write_whole(file, json.dumps({"length_m": None} if tour is None else asdict(tour)))
 
 
 def _tour_file(name: str) -> Path:
@@ -327,15 +303,3 @@ def _sensor_identity(sensor: SensorSpec) -> tuple[str, ...] | None:
     if sensor.kind_sha256 is None:
         return None
     return sensor.kind_sha256, sensor.kind.rpartition(":")[2], json.dumps(sensor.options, sort_keys=True)
-
-
-def _tour_digest(
-    terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint, identity: tuple[str, ...]
-) -> str:
-    # The corners of a tour are in m; left out where it is (0, 0), as it was at first, so that older files stay known.
-    origin = terrain.origin if any(terrain.origin) else ()
-    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight, *identity, *origin)
-    digest = hashlib.sha256(repr(facts).encode())
-    for grid in (terrain.passable, reach, ground):
-        digest.update(np.packbits(grid).tobytes())
-    return digest.hexdigest()[:32]

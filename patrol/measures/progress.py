@@ -22,7 +22,7 @@ from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
-from patrol.measures.zoned import zoned_ground
+from patrol.measures.zoned import ZonedGrounds
 from patrol.scenario.policies import CommittedPatrol
 from patrol.zones.spec import weighing_at
 
@@ -91,6 +91,7 @@ class Traps:
         self._all_seen: dict[tuple[int, int], int] = {}
         """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None
+        self._zones = ZonedGrounds(prepared)
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
         """Take in a tick; return the traps found in it (``until`` is None), and those that are over.
@@ -142,11 +143,11 @@ class Traps:
         scenario, terrain = self._prepared.scenario, self._prepared.terrain
         if not isinstance(scenario.patrol, CommittedPatrol) or not any(zone.weighs for zone in scenario.zones):
             return False
-        zoned = zoned_ground(self._prepared, weighing_at(scenario.zones, record.k * scenario.step))
+        divisions = self._zones.under(weighing_at(scenario.zones, record.k * scenario.step))
         robots = sum(row.status is Status.ALIVE for row in record.robots)
-        assert zoned is not None
-        for group in zoned.divide(max(robots, 1)):
-            rows, cols = np.divmod(zoned.round_of(group).places, terrain.width)
+        assert divisions is not None
+        for group in divisions.divide(max(robots, 1)):
+            rows, cols = np.divmod(divisions.round_of(group).places, terrain.width)
             row, col = terrain.point_at(stay.x, stay.y)
             if ((rows - row) ** 2 + (cols - col) ** 2 <= (stay.radius / terrain.point + 1.0) ** 2).all():
                 return True

@@ -72,120 +72,6 @@ class ZonedGround:
     speed: float  # of the robots, m/s
     ways: Mapping[int, NDArray[np.float32]] = field(default_factory=dict)
     """By class that may be visited: length (m) of the way from each point to the nearest place of its round, or inf."""
-    laid_out: dict[Group, LaidOut] = field(default_factory=dict)  # filled as divisions are made
-
-    def divide(self, robots: int) -> tuple[Group, ...]:
-        """Divide robots, at least 1, between groups: the best division by ascending weight, or none without rounds."""
-        if not self.rounds:
-            return ()
-        ranked = [
-            (self._rank_division(groups), number, groups) for number, groups in enumerate(self._list_divisions(robots))
-        ]
-        heapify(ranked)
-        while True:
-            # Visits take long to choose. They are chosen only in the division that may still be the best one.
-            rank, number, groups = ranked[0]
-            bounded = next((group for group in groups if self._known_round(group).round is None), None)
-            if bounded is not None:
-                self.round_of(bounded)
-            elif rank == self._rank_division(groups):
-                return groups
-            heapreplace(ranked, (self._rank_division(groups), number, groups))
-
-    def _rank_division(self, groups: tuple[Group, ...]) -> tuple[float, float, int]:
-        """Return what is least for the best division; a lower bound before all of its visits are chosen.
-
-        It begins with how many times too long the robots take for the wish that is kept worst, at least 1.
-        """
-        layouts = [self._known_round(group) for group in groups]
-        excess, cost_s = 1.0, 0.0
-        for laid_out in layouts:
-            for number, age_s in laid_out.ages_s.items():
-                cost_s = max(cost_s, self.classes[number] * age_s)
-                if (wanted := self.wanted[number]) is not None:
-                    excess = max(excess, age_s / wanted)
-        return excess, (VISITS if any(laid_out.visits for laid_out in layouts) else 1.0) * cost_s, len(groups)
-
-    def cost_s(self, groups: tuple[Group, ...]) -> float:
-        """Return the greatest weight times the time between two robots of a division, s."""
-        return max(self.classes[number] * age_s for group in groups for number, age_s in self._ages_s(group))
-
-    def wish_kept(self, groups: tuple[Group, ...], number: int) -> bool:
-        """Return True if the robots of a division come back to a class within its wanted age."""
-        wanted = self.wanted[number]
-        return wanted is None or dict(pair for group in groups for pair in self._ages_s(group))[number] <= wanted
-
-    def round_of(self, group: Group) -> Round:
-        """Return the round of a group, the same one for each call."""
-        laid_out = self._known_round(group)
-        if laid_out.round is None:
-            laid_out = self.laid_out[group] = self._with_visits(group)
-        assert laid_out.round is not None
-        return laid_out.round
-
-    def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
-        """Return for each class of a group the time between two robots that come by it, s."""
-        self.round_of(group)
-        return self.laid_out[group].ages_s.items()
-
-    def _known_round(self, group: Group) -> LaidOut:
-        """Return the round of a group, or bounds if it is to have visits that are not chosen yet."""
-        if group not in self.laid_out:
-            self.laid_out[group] = self._bounded_round(group)
-        return self.laid_out[group]
-
-    def _bounded_round(self, group: Group) -> LaidOut:
-        """Return the round of a group without visits, or else what none with visits can do better."""
-        (first, last), speed = group.classes, group.robots * self.speed
-        base, due_s = self._visited_round(group)
-        ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
-        if not due_s:
-            return LaidOut(base, ages_s, visits=False)
-        # At least one visit to ground that the round leaves out, and at most MOST_VISITS to any.
-        unseen = {n for n in due_s if not np.isin(base.points, self.rounds[n, n].points).any()}
-        visit_m = {
-            n: 2.0 * float(self.ways[n].reshape(-1)[base.places].min()) + self.rounds[n, n].length_m for n in due_s
-        }
-        least_m = base.length_m + sum(visit_m[n] for n in unseen)
-        ages_s = dict.fromkeys(range(first, last + 1), least_m / speed)
-        for n in due_s:
-            shown, others_m = (0, least_m - visit_m[n]) if n in unseen else (1, least_m)
-            gaps_m = [(others_m + count * visit_m[n]) / (count + shown) for count in (1 - shown, MOST_VISITS)]
-            ages_s[n] = min(gaps_m) / speed
-        return LaidOut(None, ages_s, visits=True)
-
-    def _visited_round(self, group: Group) -> tuple[Round, Mapping[int, float]]:
-        """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
-        (first, last), full_round = group.classes, self.rounds[group.classes]
-        round_s = full_round.length_m / (group.robots * self.speed)
-        wishes = {n: wish for n in range(first, last + 1) if n in self.ways and (wish := self.wanted[n]) is not None}
-        late = {n: wish / KEPT for n, wish in wishes.items() if first < last and round_s > wish / KEPT}
-        while last in late and last > first:
-            last -= 1  # visits alone show that class
-        return self.rounds[first, last] if late else full_round, late
-
-    def _with_visits(self, group: Group) -> LaidOut:
-        base, due_s = self._visited_round(group)
-        speed = group.robots * self.speed
-        grounds = {
-            n: Ground(self.rounds[n, n], self.ways[n], interval_s * self.speed) for n, interval_s in due_s.items()
-        }
-        visits = plan_visits(base, grounds, group.robots)
-        laid_out = with_visits(base, grounds, visits)
-        gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.speed
-        ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), laid_out.length_m / speed)
-        return LaidOut(laid_out, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
-
-    def _list_divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
-        count = len(self.classes)
-        for groups in range(1, min(count, robots) + 1):
-            for cuts in combinations(range(1, count), groups - 1):
-                firsts, ends = (0, *cuts), (*cuts, count)
-                for marks in combinations(range(1, robots), groups - 1):
-                    shares = np.diff((0, *marks, robots)).tolist()
-                    yield tuple(
-                        Group((first, end - 1), share) for first, end, share in zip(firsts, ends, shares, strict=True)
-                    )
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON into a folder, which is made when missing."""
@@ -212,3 +98,136 @@ class ZonedGround:
         weights = load_grid(folder / "weights.npy")
         ways = {number: load_grid(folder / f"ways-{number}.npy") for number in facts["ways"]}
         return ZonedGround(weights, tuple(facts["classes"]), tuple(facts["wanted"]), rounds, facts["speed"], ways)
+
+
+class Divisions:
+    """The divisions of robots over zoned ground, and the rounds of their groups, which are kept once they are made."""
+
+    def __init__(self, zoned: ZonedGround, laid_out: dict[Group, LaidOut] | None = None) -> None:
+        """Begin without any, or with those of ground that has the same rounds and wishes."""
+        self.zoned = zoned
+        self.laid_out = {} if laid_out is None else laid_out
+
+    def best_s(self, robots: int) -> float | None:
+        """Return `cost_s` of the best division of robots, at least 1; None without rounds."""
+        groups = self.divide(robots)
+        return self.cost_s(groups) if groups else None
+
+    def divide(self, robots: int) -> tuple[Group, ...]:
+        """Divide robots, at least 1, between groups: the best division by ascending weight, or none without rounds."""
+        if not self.zoned.rounds:
+            return ()
+        ranked = [
+            (self._rank_division(groups), number, groups) for number, groups in enumerate(self._list_divisions(robots))
+        ]
+        heapify(ranked)
+        while True:
+            # Visits take long to choose. They are chosen only in the division that may still be the best one.
+            rank, number, groups = ranked[0]
+            bounded = next((group for group in groups if self._known_round(group).round is None), None)
+            if bounded is not None:
+                self.round_of(bounded)
+            elif rank == self._rank_division(groups):
+                return groups
+            heapreplace(ranked, (self._rank_division(groups), number, groups))
+
+    def _rank_division(self, groups: tuple[Group, ...]) -> tuple[float, float, int]:
+        """Return what is least for the best division; a lower bound before all of its visits are chosen.
+
+        It begins with how many times too long the robots take for the wish that is kept worst, at least 1.
+        """
+        layouts = [self._known_round(group) for group in groups]
+        excess, cost_s = 1.0, 0.0
+        for laid_out in layouts:
+            for number, age_s in laid_out.ages_s.items():
+                cost_s = max(cost_s, self.zoned.classes[number] * age_s)
+                if (wanted := self.zoned.wanted[number]) is not None:
+                    excess = max(excess, age_s / wanted)
+        return excess, (VISITS if any(laid_out.visits for laid_out in layouts) else 1.0) * cost_s, len(groups)
+
+    def cost_s(self, groups: tuple[Group, ...]) -> float:
+        """Return the greatest weight times the time between two robots of a division, s."""
+        return max(self.zoned.classes[number] * age_s for group in groups for number, age_s in self._ages_s(group))
+
+    def wish_kept(self, groups: tuple[Group, ...], number: int) -> bool:
+        """Return True if the robots of a division come back to a class within its wanted age."""
+        wanted = self.zoned.wanted[number]
+        return wanted is None or dict(pair for group in groups for pair in self._ages_s(group))[number] <= wanted
+
+    def round_of(self, group: Group) -> Round:
+        """Return the round of a group, the same one for each call."""
+        laid_out = self._known_round(group)
+        if laid_out.round is None:
+            laid_out = self.laid_out[group] = self._with_visits(group)
+        assert laid_out.round is not None
+        return laid_out.round
+
+    def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
+        """Return for each class of a group the time between two robots that come by it, s."""
+        self.round_of(group)
+        return self.laid_out[group].ages_s.items()
+
+    def _known_round(self, group: Group) -> LaidOut:
+        """Return the round of a group, or bounds if it is to have visits that are not chosen yet."""
+        if group not in self.laid_out:
+            self.laid_out[group] = self._bounded_round(group)
+        return self.laid_out[group]
+
+    def _bounded_round(self, group: Group) -> LaidOut:
+        """Return the round of a group without visits, or else what none with visits can do better."""
+        (first, last), speed = group.classes, group.robots * self.zoned.speed
+        base, due_s = self._visited_round(group)
+        ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
+        if not due_s:
+            return LaidOut(base, ages_s, visits=False)
+        # At least one visit to ground that the round leaves out, and at most MOST_VISITS to any.
+        unseen = {n for n in due_s if not np.isin(base.points, self.zoned.rounds[n, n].points).any()}
+        visit_m = {
+            n: 2.0 * float(self.zoned.ways[n].reshape(-1)[base.places].min()) + self.zoned.rounds[n, n].length_m
+            for n in due_s
+        }
+        least_m = base.length_m + sum(visit_m[n] for n in unseen)
+        ages_s = dict.fromkeys(range(first, last + 1), least_m / speed)
+        for n in due_s:
+            shown, others_m = (0, least_m - visit_m[n]) if n in unseen else (1, least_m)
+            gaps_m = [(others_m + count * visit_m[n]) / (count + shown) for count in (1 - shown, MOST_VISITS)]
+            ages_s[n] = min(gaps_m) / speed
+        return LaidOut(None, ages_s, visits=True)
+
+    def _visited_round(self, group: Group) -> tuple[Round, Mapping[int, float]]:
+        """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
+        (first, last), full_round = group.classes, self.zoned.rounds[group.classes]
+        round_s = full_round.length_m / (group.robots * self.zoned.speed)
+        wishes = {
+            n: wish
+            for n in range(first, last + 1)
+            if n in self.zoned.ways and (wish := self.zoned.wanted[n]) is not None
+        }
+        late = {n: wish / KEPT for n, wish in wishes.items() if first < last and round_s > wish / KEPT}
+        while last in late and last > first:
+            last -= 1  # visits alone show that class
+        return self.zoned.rounds[first, last] if late else full_round, late
+
+    def _with_visits(self, group: Group) -> LaidOut:
+        base, due_s = self._visited_round(group)
+        speed = group.robots * self.zoned.speed
+        grounds = {
+            n: Ground(self.zoned.rounds[n, n], self.zoned.ways[n], interval_s * self.zoned.speed)
+            for n, interval_s in due_s.items()
+        }
+        visits = plan_visits(base, grounds, group.robots)
+        laid_out = with_visits(base, grounds, visits)
+        gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.zoned.speed
+        ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), laid_out.length_m / speed)
+        return LaidOut(laid_out, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
+
+    def _list_divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
+        count = len(self.zoned.classes)
+        for groups in range(1, min(count, robots) + 1):
+            for cuts in combinations(range(1, count), groups - 1):
+                firsts, ends = (0, *cuts), (*cuts, count)
+                for marks in combinations(range(1, robots), groups - 1):
+                    shares = np.diff((0, *marks, robots)).tolist()
+                    yield tuple(
+                        Group((first, end - 1), share) for first, end, share in zip(firsts, ends, shares, strict=True)
+                    )

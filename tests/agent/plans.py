@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from agent.build import build_mind, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.policies.surround import Surround
 from agent.ports import Decision, Intent, Policy
@@ -93,8 +93,8 @@ class Robots:
         self.prepared, self.terrain = prepared, prepared.terrain
         starts = at_poses or prepared.starts
         self.bodies = [Body(spec, start, halted(spec.model)) for spec, start in zip(roster, starts, strict=True)]
-        shared = shared_by(prepared)
-        self.minds: list[Mind] = [build_mind(prepared, spec.number, shared=shared) for spec in roster]
+        shared = Shared(prepared)
+        self.minds: list[Mind] = [build_mind(shared, spec.number) for spec in roster]
         for mind, intent in zip(self.minds, intents, strict=False):
             mind.policy = Says(intent)
         self.k = 0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agent.bodies.base import GoalFinder
-from agent.build import build_mind, known_to_robots, shared_by
+from agent.build import Shared, build_mind, known_to_robots
 from agent.psi import load_psi, psi_field, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.prepare import Prepared, prepare
@@ -56,11 +56,11 @@ def test_without_refinement_there_is_no_psi(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("number", "goal_m"), [(1, 5.5), (2, 1.65), (3, 1.65)])
 def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number: int, goal_m: float) -> None:
-    shared = shared_by(mixed)
-    body = build_mind(mixed, number, shared=shared).body
+    shared = Shared(mixed)
+    body = build_mind(shared, number).body
     goals = body.goals  # type: ignore[attr-defined]
     assert isinstance(goals, GoalFinder)
-    ground = shared.ground_of(mixed.terrain, mixed.fields[number])
+    ground = shared.ground_of(mixed.fields[number])
     lengths = replace(mixed.scenario.lengths[number], goal_distance=goal_m)
     start = ground.join(mixed.starts[number - 1].x, mixed.starts[number - 1].y)
     assert start
@@ -73,10 +73,10 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
 
 def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_path: Path) -> None:
     save_psi(mixed, tmp_path)
-    saved = shared_by(mixed, psi=load_psi(mixed.scenario, tmp_path))
+    saved = Shared(mixed, psi=load_psi(mixed.scenario, tmp_path))
     for number in (1, 2, 3):
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
-        decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]
+        decisions = [build_mind(shared, number).step(sensed, []) for shared in (Shared(mixed), saved)]
         assert decisions[0] == decisions[1]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.ports import Decision
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -50,7 +50,7 @@ def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
     pair = pair_of(model)
     run(pair, 80, 0, 1)
     run(pair, 20, 0)
-    pair.minds[1] = build_mind(pair.prepared, 2, 2)
+    pair.minds[1] = build_mind(Shared(pair.prepared), 2, 2)
     first = run(pair, 1, 0, 1)
     belief = pair.minds[1].belief
     assert first[1].mfow == 100
@@ -64,6 +64,6 @@ def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
 
 def test_another_incarnation_draws_other_random_moves() -> None:
     pair = pair_of("holonomic")
-    minds = pair.minds[0], build_mind(pair.prepared, 1, 2)
+    minds = pair.minds[0], build_mind(Shared(pair.prepared), 1, 2)
     bearings = [[mind.step(at(k, pair.bodies[0].pose), []).direction for k in range(60)] for mind in minds]
     assert bearings[0] != bearings[1]

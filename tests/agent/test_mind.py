@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay, Steer
 from agent.view import View
@@ -45,7 +45,7 @@ HERE = Pose(6.0, 6.0, 0.0)
 
 def mind_of(scenario: Scenario) -> Mind:
     """The mind of the first robot, which starts in the first room."""
-    return build_mind(prepared_on(scenario, rooms(), [HERE]), 1)
+    return build_mind(Shared(prepared_on(scenario, rooms(), [HERE])), 1)
 
 
 def patrol(scenario: Scenario, ticks: int) -> list[list[Decision]]:

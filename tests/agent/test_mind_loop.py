@@ -6,13 +6,14 @@ import math
 import re
 import threading
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.mind_loop import TelemetrySender, run_mind
 from agent.ports import Decision, Intent, Steer
@@ -92,7 +93,7 @@ class Ahead:
 def made(policy: Ahead, last: int = 5) -> tuple[Mind, FakeRobot]:
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"model": "holonomic"}})
     prepared = prepared_on(scenario, Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5), [START])
-    mind = build_mind(prepared, 1)
+    mind = build_mind(Shared(prepared), 1)
     mind.policy = policy
     return mind, FakeRobot(Ticks(last), scenario.roster[0], prepared.terrain, START, STEP)
 
@@ -131,9 +132,10 @@ def test_a_policy_that_fails_stops_its_robot(capsys: pytest.CaptureFixture[str])
 def test_a_policy_that_hangs_stops_its_robot() -> None:
     policy = Ahead(hangs=0)
     mind, robot = made(policy)
+    mind.facts = replace(mind.facts, limit_s=0.3)
     says = "its policy failed at tick 0: took longer than 0.3 s to decide"
     try:
-        assert run_mind(mind, robot, Ears(), Eyes(), limit_s=0.3) == says
+        assert run_mind(mind, robot, Ears(), Eyes()) == says
         assert not policy.decided, "nobody waits for it"
     finally:
         policy.woken.set()

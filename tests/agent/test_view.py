@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.ports import Intent, Stay
 from agent.view import View
@@ -47,7 +47,7 @@ def watched(incarnation: int = 1, seed: int = 1, quality: float = 1.0) -> tuple[
     mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 3}, "seed": seed}
     sensor = {"range": 5.0, "quality": quality}
     scenario = load_scenario({**mapping, "sensor": sensor, "radio": {"forget_after": 5}})
-    mind = build_mind(prepared_on(scenario, two_rooms(), [POSE]), 1, incarnation)
+    mind = build_mind(Shared(prepared_on(scenario, two_rooms(), [POSE])), 1, incarnation)
     mind.policy = policy = Watching()
     return mind, policy
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from agent.build import mind_maker, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.view import View
 from fogwatch.inprocess import InProcessFleet, Outcome, fault_free_mfow, fleet_of, run_in_process
@@ -198,7 +199,7 @@ def test_process_faults_repeat_whatever_the_workers_and_are_judged_as_they_go(ro
 
 def test_a_restarted_mind_is_a_new_one() -> None:
     prepared = prepare(scenario(robots=DISCS))
-    fleet = InProcessFleet({}, mind_maker(prepared, shared_by(prepared)))
+    fleet = InProcessFleet({}, partial(build_mind, Shared(prepared)))
     fleet.start(1, 1)
     first = fleet.minds[1]
     fleet.kill(1)
@@ -277,7 +278,7 @@ def test_a_policy_that_fails_loses_its_robot_and_the_others_go_on(
     how: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if how == "hang":
-        monkeypatch.setattr("fogwatch.inprocess.DECISION_LIMIT_S", 3.0)
+        monkeypatch.setattr("agent.build.DECISION_LIMIT_S", 3.0)
     events: list[Event] = []
     outcome = run_in_process(failing(tmp_path, how=how), events=events.append)
     assert [(event.robot, event.kind, event.detail) for event in events] == [(2, "lost", says)]

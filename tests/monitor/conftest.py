@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agent.build import mind_maker, shared_by
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
@@ -88,7 +89,7 @@ def run_of(
     prepared = prepare(loaded)
     footprint = sensor_footprint(loaded, prepared.terrain)
     world = World(prepared, footprint=footprint, operated=controls is not None)
-    make, minds = mind_maker(prepared, shared_by(prepared, footprint)), dict[int, Mind]()
+    make, minds = partial(build_mind, Shared(prepared, footprint)), dict[int, Mind]()
 
     def made(number: int, incarnation: int) -> Mind:
         minds[number] = make(number, incarnation)

@@ -113,8 +113,8 @@ def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(
         )
     }
     assert scenario_hash(loaded["plain"]) == scenario_hash(loaded["same"]) != scenario_hash(loaded["near"])
-    assert prepare(loaded["plain"]).graph.visit_reach(0.5, 0.5) == 0.4
-    near = prepare(loaded["near"]).graph
+    assert prepare(loaded["plain"]).make_graph().visit_reach(0.5, 0.5) == 0.4
+    near = prepare(loaded["near"]).make_graph()
     assert near.visit_reach(0.5, 0.5) == 0.25
     assert near.visit_reach(4.0, 0.5) == 1.0, "half a stride"
 
@@ -258,4 +258,4 @@ def test_ground_that_one_narrow_view_covers_has_a_vertex(tmp_path: Path) -> None
     robots = {"count": 1, "model": "holonomic", "radius": 0.05}
     sensor = {"range": 99.0, "angle": 90.0}
     given = {"terrain": {"map": str(plan)}, "point": 0.5, "robots": robots, "sensor": sensor}
-    assert len(prepare(load_scenario(given)).graph.places) >= 1
+    assert len(prepare(load_scenario(given)).make_graph().places) >= 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agent.build import mind_maker, shared_by
+from agent.build import Shared, build_mind
 from fogwatch.inprocess import InProcessFleet, Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
@@ -103,7 +104,7 @@ def run(
     hour, rests = Hour(), Rests()
     requests = Script(hour, controls)
     world = requests.world = World(prepared, operated=True)
-    make = mind_maker(prepared, shared_by(prepared))
+    make = partial(build_mind, Shared(prepared))
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
     recorder = Recorder(journal, world.scenario.spares)

@@ -61,7 +61,7 @@ class Totals:
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             "best_tour_s": tour.bound_of_fleet_s(prepared.scenario),
             "best_tour_m": tour.length_m,
-            "left_out": None if prepared.left_out is None else asdict(prepared.left_out),
+            "left_out": None if (left_out := prepared.find_left_out()) is None else asdict(left_out),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress_figures(verdict.progress),
             **verdict.figures,

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.classes.named_class import ClassSort, NamedClass, find, options_of, raised
+from patrol.classes.named_class import ClassSort, NamedClass, load, raised
 from patrol.errors import BadInput
 from patrol.scenario.radio_spec import IDEAL, MODELS
 
@@ -169,11 +169,9 @@ def model_named(scenario: Scenario) -> NamedClass:
 
 def model_class(scenario: Scenario) -> tuple[Any, Any]:
     """Find the class of a scenario's radio model."""
-    named, options = model_named(scenario), scenario.radio.options
-    kind = find(named)
-    if named.name not in MODELS:  # those of a built-in model were checked with the scenario
-        options = options_of(named, kind)
-    return kind, options
+    kind, options = load(named := model_named(scenario))
+    # Those of a built-in model were checked with the scenario.
+    return kind, scenario.radio.options if named.name in MODELS else options
 
 
 def model_of(scenario: Scenario, terrain: Terrain) -> RadioModel | None:

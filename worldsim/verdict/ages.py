@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.changing.open_ground import OpenAges
-from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
+from patrol.measures.zoned import MOST_LATER, ZonedGrounds, zone_weights
 from patrol.summary.model import ZoneFigures
 from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
@@ -19,6 +19,7 @@ from worldsim.checks.ground import GroundOpen, TrueFog
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
+    from patrol.zones.division import Divisions
     from worldsim.checks.check import JudgedRun
 
 Ages = NDArray[np.float64]
@@ -60,6 +61,7 @@ class ZoneAges(JournalReading):
         prepared = run.prepared
         self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
         self._classes = lru_cache(maxsize=MOST_LATER)(self._find_classes)
+        self._grounds = ZonedGrounds(prepared)
         self._bests: dict[Weighing, float | None] = {}
         self._ticks: Counter[Weighing] = Counter()
         self._fog = run.reading(TrueFog).fog
@@ -87,7 +89,7 @@ class ZoneAges(JournalReading):
         names = dict(weighing)
         self._weights |= {name: weight for name, weight in weighing if weight is not None}
         if weighing not in self._bests:
-            self._bests[weighing] = best_weighted_s(self._run.prepared, weighing)
+            self._bests[weighing] = self._divisions(weighing).best_s(self._run.prepared.scenario.team)
         self._ticks[weighing] += 1
         ages = ((weight, record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(weighing))
         self._weighted.append(max(weight * age for weight, age in ages))
@@ -112,10 +114,13 @@ class ZoneAges(JournalReading):
 
     def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
         """Return the weights of the ground while some zones are in force, and the points of each."""
-        prepared = self._run.prepared
-        zoned = zoned_ground(prepared, weighing)
-        assert zoned is not None
-        return [(weight, np.flatnonzero(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes]
+        patrolled, zoned = self._run.prepared.patrolled, self._divisions(weighing).zoned
+        return [(weight, np.flatnonzero(patrolled & (zoned.weights == weight))) for weight in zoned.classes]
+
+    def _divisions(self, weighing: Weighing) -> Divisions:
+        divisions = self._grounds.under(weighing)
+        assert divisions is not None
+        return divisions
 
     def _best_weighted_s(self) -> float | None:
         bests = {weighing: best for weighing, best in self._bests.items() if best is not None}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agent.bodies import BODIES
 from agent.bodies.keeping_right import KeepingRight
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.mind import Mind
 from agent.ports import Bearing, Decision, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Spot
@@ -56,7 +56,7 @@ class Drives:
     """One robot of a model, moved as its body commands where walls allow it."""
 
     def __init__(self, prepared: Prepared, wants: Intent | Callable[[View], Intent], pose: Pose = FIRST) -> None:
-        self.mind: Mind = build_mind(prepared, 1)
+        self.mind: Mind = build_mind(Shared(prepared), 1)
         self.mind.policy = Says(wants if callable(wants) else lambda _view: wants)
         self.terrain = prepared.terrain
         self.pose = pose

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from agent.bodies.manoeuvre import _paths_to, wheel_moves
 from agent.kernels.manoeuvre import KEPT, _fits, _is_free, _measure, search
+from agent.kernels.wave import FAR
 from agent.ports import Place, State
 from agent.routes.ground import Ground, Spot
-from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Twist, wrap

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering, Footing, HolonomicSteering
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.ports import Place
 from agent.routes.ground import Ground
 from patrol.ground.swept_path import advance
@@ -144,7 +144,7 @@ def test_no_random_step_leaves_the_ground(model: str) -> None:
         mouth = Pose(mouth.x + 0.1, mouth.y, 0.0)
     for share in range(-8, 9):
         aside = Place(ROOM.x, ROOM.y, wander=0.02 * share)
-        mind = build_mind(prepared, 1)
+        mind = build_mind(Shared(prepared), 1)
         mind.policy = Says(aside)
         pose = mouth
         for k in range(3):

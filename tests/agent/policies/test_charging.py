@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.policies.charging import Charging
 from agent.policies.surround import Surround
 from agent.ports import Intent, Place, State, Stay
@@ -52,7 +52,7 @@ class Fleet:
     """One mind that hears others where a test puts them."""
 
     def __init__(self, setting: Scenario, intent: Intent | None = None) -> None:
-        self.mind: Mind = build_mind(prepare(setting), 1)
+        self.mind: Mind = build_mind(Shared(prepare(setting)), 1)
         assert isinstance(self.mind.policy, Charging)
         self.watch = self.mind.policy
         self.watch.otherwise = self.told = Told(intent or Stay())
@@ -69,7 +69,7 @@ class Fleet:
 
 def test_without_docks_there_is_no_watch() -> None:
     plain = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0})
-    assert isinstance(build_mind(prepare(plain), 1).policy, Surround)
+    assert isinstance(build_mind(Shared(prepare(plain)), 1).policy, Surround)
 
 
 def test_a_robot_goes_when_the_charge_just_suffices_for_the_way() -> None:

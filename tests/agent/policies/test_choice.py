@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
+from agent.kernels.wave import FAR
 from agent.policies import choice
 from agent.policies.choice import Best, FreeChoice
 from agent.policies.pursuit import GivenUp
-from agent.routes.path_window import FAR
-from agent.routes.wave import NO_BENDS, BoxPaths, Wave
+from agent.routes.ground import NO_BENDS, BoxPaths
+from agent.routes.wave import Wave
 from patrol.pose import Pose
 from tests.agent.plans import Robots, cluttered, prepared_in
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.policies.commitment import Commitment
 from agent.policies.pursuit import GivenUp, Target
 from agent.ports import Decision
@@ -255,7 +255,7 @@ def test_who_is_off_the_ground_leaves_it_to_its_body() -> None:
 
 def test_minds_that_share_working_memory_decide_as_if_they_did_not() -> None:
     together, apart = pair(), pair()
-    apart.minds = [build_mind(apart.prepared, number) for number in (1, 2)]
+    apart.minds = [build_mind(Shared(apart.prepared), number) for number in (1, 2)]
     for _ in range(60):
         assert together.tick() == apart.tick()
 

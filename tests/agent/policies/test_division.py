@@ -10,7 +10,7 @@ import pytest
 
 from agent.policies.shared_round import Crew, Division
 from patrol.tours.round import Round
-from patrol.zones.division import ZonedGround
+from patrol.zones.division import Divisions, ZonedGround
 
 # Not the product's own, so that a wrong one there is noticed.
 LEAST_MEMORY_S = 30.0
@@ -46,7 +46,7 @@ def view(tick: int, *numbers: int) -> Any:
 
 
 def division(number: int) -> Division:
-    return Division(ZONED, number, frozenset(range(1, 7)), 6, STEP)
+    return Division(Divisions(ZONED), number, frozenset(range(1, 7)), 6, STEP)
 
 
 def test_all_that_hear_each_other_find_the_same() -> None:

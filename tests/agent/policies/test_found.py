@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.policies.committed import Committed
 from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field import PotentialField
@@ -128,7 +128,7 @@ def test_a_policy_that_builds_on_a_built_in_one_has_its_options_and_lengths(writ
     scenario = load_scenario(write("./guard.py:Mine", source, options={"direction": "vector", "dilatation": 3}))
     kind = policy_of(scenario)
     assert (kind.options.direction, kind.options.dilatation) == ("vector", 3.0)
-    assert build_mind(prepare(scenario), 1).policy is not None
+    assert build_mind(Shared(prepare(scenario)), 1).policy is not None
 
 
 def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatc
     assert not kind.ours
     assert kind.name == scenario.patrol.policy == f"{path.parent / 'guard.py'}:Still"
     assert scenario.patrol.policy_sha256 == file_digest(path.parent / "guard.py", "patrol.policy")
-    mind = build_mind(prepare(scenario), 1)
+    mind = build_mind(Shared(prepare(scenario)), 1)
     decision = mind.step(at(0, Pose(20.0, 20.0, 0.0)), [])
     assert decision.state == "resting"
     assert decision.command.numbers == (0.0, 0.0)
@@ -298,7 +298,7 @@ def test_a_policy_that_cannot_be_made_fails_with_what_it_raises(write: Write) ->
     source = dedent(STILL).replace("self.options = setup.options", "raise KeyError('no idea')")
     prepared = prepare(load_scenario(write("./guard.py:Still", source)))
     with pytest.raises(PolicyFailed, match=r"Still: cannot be made for r1: KeyError: 'no idea' \(guard\.py:\d+\)"):
-        build_mind(prepared, 1)
+        build_mind(Shared(prepared), 1)
 
 
 # --- options ---------------------------------------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def test_options_are_the_policys_own(write: Write) -> None:
     kind = policy_of(scenario)
     assert (kind.options.patience, kind.options.corners) == (7.0, [1, 2])
     assert policy_of(load_scenario(write("./guard.py:Patient", PATIENT))).options.patience == 3.0
-    mind = build_mind(prepare(scenario), 1)
+    mind = build_mind(Shared(prepare(scenario)), 1)
     assert mind.policy.otherwise.options.patience == 7.0  # type: ignore[attr-defined]
 
 
@@ -335,7 +335,7 @@ def test_a_policy_without_options_takes_none(write: Write) -> None:
     assert said.startswith("patrol.options = {'patience': 3}: ")
     assert "takes no options" in said
     with pytest.raises(BadInput, match="takes no options"):
-        build_mind(prepare(scenario), 1)
+        build_mind(Shared(prepare(scenario)), 1)
     assert policy_of(load_scenario(write("./guard.py:Still", options={}))).options == {}
 
 
@@ -357,10 +357,10 @@ def test_a_policy_of_ones_own_may_say_how_far_staleness_spreads(write: Write, di
             ...
     """
     good = load_scenario(write("./guard.py:Still", source % metres, options={"dilatation": dilatation}))
-    build_mind(prepare(good), 1)
+    build_mind(Shared(prepare(good)), 1)
     bad = prepare(load_scenario(write("./guard.py:Still", source % metres, options={"dilatation": "far"})))
     with pytest.raises(BadInput, match=r"patrol.options.dilatation = 'far': expected a length from 0 on"):
-        build_mind(bad, 1)
+        build_mind(Shared(bad), 1)
 
 
 # --- what a scenario with a policy means -----------------------------------------------------------------------------
@@ -416,7 +416,7 @@ def test_a_copy_of_a_policy_that_is_gone_says_so(write: Write, tmp_path: Path) -
 
 
 def test_surrounding_goes_before_a_policy_of_ones_own(write: Write) -> None:
-    mind = build_mind(prepare(load_scenario(write("./guard.py:Still"))), 1)
+    mind = build_mind(Shared(prepare(load_scenario(write("./guard.py:Still")))), 1)
     pose = Pose(20.0, 20.0, 0.0)
     assert mind.step(at(0, pose), []).state == "resting"
     assert mind.step(at(1, pose, contacts=((25.0, 20.0),)), []).state is State.SURROUNDING

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.policies.choice import FreeChoice
 from agent.policies.committed import Committed, Comparison, OnRound
 from fogwatch.inprocess import run_in_process
 from patrol.pose import MODELS, Pose
@@ -94,7 +95,7 @@ def test_robots_choose_freely_where_no_tour_is_seen_or_speeds_differ(kind: dict[
 
     def look(_world: object, by_number: object) -> None:
         minds = by_number.values()  # type: ignore[attr-defined]
-        assert {mind.policy.otherwise.on_round is None for mind in minds} == {free}
+        assert {isinstance(mind.policy.otherwise.choice, FreeChoice) for mind in minds} == {free}
 
     run_in_process(scenario, look=look)
 
@@ -108,7 +109,7 @@ def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: st
         one.tick()
         fog.last_seen[one.prepared.patrolled] = one.k
         moved.append(one.apart((before.x, before.y)) > 0.0)
-    assert one.policy(Committed).on_round is not None
+    assert isinstance(one.policy(Committed).choice, OnRound)
     halts = [len(list(run)) for drives, run in itertools.groupby(moved) if not drives]
     assert max(halts, default=0) <= 5
 
@@ -117,8 +118,8 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
     body, patrol = {**BASE, "model": "holonomic"}, {"policy": "committed"}
     robots = Robots(prepared_in(two_rooms(), [CORNER], body, patrol=patrol, sensor={"range": 3.0}))
     policy, mind = robots.policy(Committed), robots.minds[0]
-    assert isinstance(policy.on_round, OnRound)
-    ahead = policy.on_round.ahead
+    assert isinstance(policy.choice, OnRound)
+    ahead = policy.choice.ahead
 
     def leaves_the_room() -> bool:
         target = policy.pursuit.target

@@ -94,7 +94,7 @@ def spacing_on(
     spec: Spec = Spec(),
 ) -> Spacing:
     own, followers = replace(spec, number=number), frozenset(range(1, robots + 1))
-    return Spacing.on(laid_out[0], own, followers, robots, STRIDE, range_m, laid_out[1], most_slack)  # type: ignore[arg-type]
+    return Spacing(laid_out[0], own, followers, robots, STRIDE, range_m, laid_out[1], most_slack)  # type: ignore[arg-type]
 
 
 def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
@@ -327,7 +327,7 @@ def test_nobody_waits_for_a_gap_of_three_strides(behind: int, waited: bool) -> N
     spots = {1: place_of(20), 2: place_of(24), 3: place_of(20 - behind), **{n: place_of(30 + n) for n in range(4, 17)}}
     laid_out, terrain = RING
     spec: Any = Spec()
-    spacing = Spacing.on(laid_out, spec, frozenset(spots), 16, 1.0, 50.0, terrain, 0.0)
+    spacing = Spacing(laid_out, spec, frozenset(spots), 16, 1.0, 50.0, terrain, 0.0)
     seen = [replace(at(tick, spots), stride=1.0) for tick in range(7)]
     for view in seen[:-1]:
         note(spacing, view)
@@ -356,7 +356,7 @@ def test_turns_within_two_strides_are_no_turns(tread: int, least: float, most: f
 def wheels_on(laid_out: tuple[Round, Terrain], stride: float = 2.0) -> Spacing:
     """The spacing of a body with wheels, 1 m in radius."""
     spec: Any = Spec(radius=1.0, model="differential")
-    return Spacing.on(laid_out[0], spec, frozenset({1}), 1, stride, RANGE, laid_out[1])
+    return Spacing(laid_out[0], spec, frozenset({1}), 1, stride, RANGE, laid_out[1])
 
 
 @pytest.mark.parametrize(("on_the_way_m", "corners"), [(15.0, 0.5), (55.0, 2.5)])
@@ -373,7 +373,7 @@ def test_places_come_after_the_ways_that_turns_before_them_cost(on_the_way_m: fl
 def test_a_tour_has_a_place_for_each_stride_at_least_four_and_no_more_than_points(stride: float, count: int) -> None:
     laid_out, terrain = round_through((0, 0), (2, 0), (2, 2), (0, 2))
     spec: Any = Spec()
-    assert Spacing.on(laid_out, spec, frozenset({1}), 1, stride, RANGE, terrain).count == count
+    assert Spacing(laid_out, spec, frozenset({1}), 1, stride, RANGE, terrain).count == count
 
 
 @pytest.mark.parametrize("place", [0, 7, 33, 79])

@@ -46,9 +46,8 @@ def patrol(
 
 
 def plan_of(robots: Robots, robot: int = 0) -> JointPlan | None:
-    on_round = robots.policy(Stochastic, robot).on_round
-    assert on_round is None or isinstance(on_round, JointPlan)
-    return on_round
+    choice = robots.policy(Stochastic, robot).choice
+    return choice if isinstance(choice, JointPlan) else None
 
 
 def choices_are_free(robots: Robots) -> bool:

@@ -12,9 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.kernels.wave import SETTLED, STATUS
+from agent.kernels.wave import FAR, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
 from agent.routes.region_paths import Regions
 from fogwatch.inprocess import run_in_process
 from patrol.ground.terrain import Terrain

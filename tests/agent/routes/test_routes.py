@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.kernels.wave import SETTLED, STATUS
+from agent.kernels.wave import FAR, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
 from agent.routes.routes import Routes, Way
 from agent.routes.wave import Wave, paths_in
 from patrol.ground.terrain import Terrain

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from agent.kernels.wave import SETTLED, STATUS
+from agent.kernels.wave import FAR, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
 from agent.routes.straight import Straight
 from patrol.ground.terrain import Terrain
 

@@ -11,9 +11,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.kernels import wave as kernel
-from agent.kernels.wave import HEMMED, SETTLED, STATUS
+from agent.kernels.wave import FAR, HEMMED, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.path_window import FAR
 from agent.routes.wave import Wave, box_around, box_between, paths_in
 from patrol.ground.terrain import Terrain
 from patrol.kernels.footprint import cast

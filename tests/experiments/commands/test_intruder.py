@@ -133,7 +133,11 @@ def test_intruders_that_cannot_be_are_one_line(ran: Path, run: Command, options:
 def test_without_a_graph_the_vertices_are_those_made_from_the_ground(tmp_path: Path, run: Command) -> None:
     scenario = {**SCENARIO, "terrain": {"builtin": "open"}, "duration": 10}
     folder = fogwatch.run(scenario, out=tmp_path / "no-graph", picture=False).folder
-    assert json.loads(output(run("intruder", folder, "--json")))["vertices"] == open_run(folder).prepared.graph.size > 3
+    assert (
+        json.loads(output(run("intruder", folder, "--json")))["vertices"]
+        == open_run(folder).prepared.make_graph().size
+        > 3
+    )
 
 
 def test_the_tables_of_patrolling_sim_are_written(ran: Path, run: Command, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ def left_out(rooms: np.ndarray, **changes: Any) -> LeftOut | None:
     """Return what a robot of 0.2 m radius that starts at (1, 1) leaves out, on points of 0.1 m."""
     robots = {"count": 1, "model": "holonomic", "radius": 0.2, "starts": [[1.0, 1.0]]}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "robots": robots, **changes})
-    return prepare(scenario, Terrain("rooms", rooms, 0.1)).left_out
+    return prepare(scenario, Terrain("rooms", rooms, 0.1)).find_left_out()
 
 
 def some_left_out(rooms: np.ndarray) -> LeftOut:

@@ -15,7 +15,7 @@ import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, round_of
+from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, rounds_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
@@ -181,15 +181,15 @@ def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_round_is_laid_out_once_and_read_afterwards(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = round_of(prepared(speeds=ALIKE), 1)
+    first = rounds_of(prepared(speeds=ALIKE))[1]
     (file,) = cache.glob("*.npz")
     for content in (file.read_bytes(), b"damaged", file.read_bytes()[:-40]):
         file.write_bytes(content)
-        again = round_of(prepared(speeds=ALIKE), 1)
+        again = rounds_of(prepared(speeds=ALIKE))[1]
         assert_same_round(first, again)
     monkeypatch.setattr(patrol.tours.round, "_assign_stops", None)
     monkeypatch.setattr(patrol.tours.round, "_distances_between", None)
-    assert_same_round(first, round_of(prepared(speeds=ALIKE), 1))
+    assert_same_round(first, rounds_of(prepared(speeds=ALIKE))[1])
 
 
 @pytest.mark.parametrize(
@@ -210,11 +210,11 @@ def test_a_round_is_laid_out_once_and_read_afterwards(cache: Path, monkeypatch: 
 def test_a_round_in_a_file_that_cannot_be_one_is_made_again(
     cache: Path, name: str, damage: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> None:
-    first = round_of(prepared(speeds=ALIKE), 1)
+    first = rounds_of(prepared(speeds=ALIKE))[1]
     (file,) = cache.glob("*.npz")
     arrays = dict(np.load(file))
     np.savez_compressed(file, **{**arrays, name: damage(arrays[name])})
-    assert_same_round(first, round_of(prepared(speeds=ALIKE), 1))
+    assert_same_round(first, rounds_of(prepared(speeds=ALIKE))[1])
     for key, array in np.load(file).items():
         np.testing.assert_array_equal(array, arrays[key])
 
@@ -239,15 +239,15 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
 def test_ground_that_is_seen_from_one_place_and_large_fleets_have_no_round(monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = prepared(door=False, speeds=ALIKE, range=30.0)
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
-    assert round_of(rooms, 1) is None
-    assert round_of(prepared(speeds=ALIKE), 1) is not None
-    assert round_of(prepared(), 1) is None, "robots of several speeds"
+    assert rounds_of(rooms)[1] is None
+    assert rounds_of(prepared(speeds=ALIKE))[1] is not None
+    assert rounds_of(prepared())[1] is None, "robots of several speeds"
     monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert round_of(prepared(speeds=ALIKE), 1) is None
+    assert rounds_of(prepared(speeds=ALIKE))[1] is None
 
 
 def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
-    assert followers_of(prepared(speeds=ALIKE), 1) == {1, 2}
-    assert followers_of(prepared(radii=(0.3, 0.6), speeds=ALIKE), 1) == {1, 2}
-    apart = prepared(door=False, speeds=ALIKE)
+    assert followers_of(rounds_of(prepared(speeds=ALIKE)), 1) == {1, 2}
+    assert followers_of(rounds_of(prepared(radii=(0.3, 0.6), speeds=ALIKE)), 1) == {1, 2}
+    apart = rounds_of(prepared(door=False, speeds=ALIKE))
     assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]

@@ -289,7 +289,6 @@ def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> No
     robots = [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}]
     scenario = load_scenario({**COARSE_YARDS, "robots": robots, "patrol": by_regions()})
     prepared = prepare(scenario)
-    assert prepared.regions is not None
     assert prepared.regions[1] is prepared.regions[3]
     assert np.count_nonzero(prepared.regions[1].parts >= 0) < np.count_nonzero(prepared.regions[2].parts >= 0)
     prepared.save(tmp_path / "static")
@@ -307,10 +306,9 @@ def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> No
 def test_other_paths_need_no_regions(tmp_path: Path) -> None:
     scenario = load_scenario(COARSE_YARDS)
     prepared = prepare(scenario)
-    assert prepared.regions is None
-    assert prepared.regions_of(1) is None
+    assert not prepared.regions
     prepared.save(tmp_path / "static")
-    assert Prepared.load(scenario, tmp_path / "static").regions is None
+    assert not Prepared.load(scenario, tmp_path / "static").regions
 
 
 def test_a_scenarios_own_regions_are_used_and_checked() -> None:

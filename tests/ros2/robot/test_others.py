@@ -4,7 +4,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.own_robot import LateClock, foreseen
 from patrol.exchange import Sensed
 from patrol.ground.swept_path import advance
@@ -52,7 +52,7 @@ def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptiv
     radio = {"via": "direct", "trail": 2, "adaptive": adaptive}
     raw = {"terrain": {"builtin": "open"}, "pace": "realtime", "robots": robots, "radio": radio}
     prepared = prepare(load_scenario(raw))
-    mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
+    mind, sending_mind = (build_mind(Shared(prepared), number) for number in (1, 2))
     clock = LateClock()
     others = Others(mind.belief.peers, mind.facts.radii, STEP_S, foreseen(mind, clock))
     sent = []

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from agent.build import mind_maker, shared_by
+from agent.build import Shared, build_mind
 from fogwatch.inprocess import InProcessFleet
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
@@ -61,7 +62,7 @@ class Watched:
 
     def run(self, ticks: int, during: Callable[[], None]) -> None:
         """Run so many ticks; during each, call something."""
-        make = mind_maker(self.world.prepared, shared_by(self.world.prepared))
+        make = partial(build_mind, Shared(self.world.prepared))
         fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in self.world.living}, make)
         phase_b = fleet.phase_b
 

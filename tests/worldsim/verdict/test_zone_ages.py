@@ -8,10 +8,11 @@ import pytest
 from patrol.changing.ground import ChangingTerrain, ClosedPoints
 from patrol.journal import Event, Status
 from patrol.journal.records import CLOSED
-from patrol.measures.zoned import best_weighted_s
+from patrol.measures.zoned import ZonedGrounds
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.zones.spec import weighing_at
+from tests.present import present
 from tests.worldsim.checks.judged import summary_of
 from tests.worldsim.conftest import Lab
 from worldsim.output.summary import summarise
@@ -74,9 +75,8 @@ def test_the_best_tours_count_by_the_ticks_in_which_their_zones_are_in_force(lab
     world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[VAULT | {"times": [[5, 11]]}])
     summary = summary_of((world, lab.run(world)))
     zones = world.scenario.zones
-    in_force, not_yet = (best_weighted_s(world.prepared, weighing_at(zones, s)) for s in (5.0, 0.0))
-    assert in_force is not None
-    assert not_yet is not None
+    grounds = ZonedGrounds(world.prepared)
+    in_force, not_yet = (present(present(grounds.under(weighing_at(zones, s))).best_s(1)) for s in (5.0, 0.0))
     assert in_force != not_yet
     assert summary.best_weighted_s == pytest.approx((12 * in_force + 28 * not_yet) / 40)
 

@@ -13,7 +13,7 @@ from agent.belief.posts import Posts
 from agent.bodies.base import GoalFinder
 from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering
-from agent.build import build_mind
+from agent.build import Shared, build_mind
 from agent.policies.potential_field import Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.psi import psi_field
@@ -140,7 +140,7 @@ def decided(
     patrol = {"policy": "potential-field", "options": options, **settings}
     mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 2, "model": "holonomic"}}
     scenario = load_scenario({**mapping, "sensor": {"range": 6.0}, "patrol": patrol, "intruders": [{"place": [5, 5]}]})
-    mind = build_mind(prepared_on(scenario, Terrain("hall", hall(), 0.5), [pose, pose]), 1)
+    mind = build_mind(Shared(prepared_on(scenario, Terrain("hall", hall(), 0.5), [pose, pose])), 1)
     mind.policy = policy = Listening(mind.policy)
     decision = [mind.step(at(k, pose, contacts=contacts), []) for k in range(ticks)][-1]
     return policy.intents[-1], decision
