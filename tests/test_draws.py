@@ -189,7 +189,7 @@ def test_draws_of_spoof() -> None:
     assert problems({**across, **up}, uniform(0.0, 1.0)) == []
 
 
-def test_draws_of_closure() -> None:
+def test_draws_of_ground() -> None:
     boxes = [[(x, 40), (x + 4, 40), (x + 4, 44), (x, 44)] for x in (20, 40, 60)]
     rates = {"closes": 0.7, "opens": 0.7}
     made = scenario(closures=[{"name": f"c{i}", "polygon": box, **rates} for i, box in enumerate(boxes)])
