@@ -56,7 +56,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
-        """Reduce what was dumped of the section to what it means.
+        """Leave only what changes a run in the section's values.
 
         A file enters by its content, which may be read for that; without `files` only by its presence.
         """

@@ -65,7 +65,7 @@ AGAIN = 2
 """Number of bumps after which a robot no longer expects the other to move: it drives round it."""
 
 OFTEN = 3
-"""After each so many bumps or dead ends a robot leaves the place: once more than two that settle may need."""
+"""Bumps or dead ends after which a robot leaves the place: one more than two robots may need to agree."""
 
 GIVES_WAY_S = 3.0, 10.0
 """Bounds of how long a robot gives way, s: as long as two need to pass each other, or to find another way."""

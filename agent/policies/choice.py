@@ -189,9 +189,9 @@ class FreeChoice:
         return best
 
     def _find_reach(self, ages: Ages, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
-        """Return the reach of a box that holds each way at the end of which a point could have a score, or more.
+        """Return the reach of a box that holds the ways to all points that could have a score or more.
 
-        Of a larger box than `most`, it returns no more than that it is as large.
+        Any reach above `most` means only that the box is larger than that.
         """
         score *= 1.0 - ROUNDING
 

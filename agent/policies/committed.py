@@ -60,7 +60,7 @@ PERIOD_S = 300.0
 """Length of a period, s; at least four times what the round promises."""
 
 BROKEN = 1.3
-"""MFoW by what the round promises from which on free choices are tried."""
+"""Free choices are tried once MFoW is this many times what the round promises."""
 
 PERIODS = 6
 """Periods after which the robots begin on the round again."""

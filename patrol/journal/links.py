@@ -81,7 +81,7 @@ class _Rows(Sequence[Row], Generic[Row]):
         raise NotImplementedError
 
     def _has_equal_rows(self, other: Any) -> bool:
-        """Return True if rows of the same kind that are as many are the same."""
+        """Return True if the rows of another object of this kind, of equal number, are the same."""
         return (
             _columns_equal(self.sequence, other.sequence)
             and _columns_equal(self.source, other.source)

@@ -1,4 +1,4 @@
-"""Opens the links of a process of a fleet: to the router, and for positions where that is another."""
+"""Opens the links of a process: to the fleet's router, and to the network of positions where it has one of its own."""
 
 from __future__ import annotations
 
