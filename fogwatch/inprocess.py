@@ -36,15 +36,12 @@ if TYPE_CHECKING:
     from agent.belief.believed import Beliefs
     from agent.chance import Chance
     from agent.view import View
+    from fogwatch.workers import PolicyFailure
     from patrol.ground.footprint import Footprint
     from patrol.scenario import Scenario
     from patrol.summary.model import Summary
 
 __all__ = ["InProcessFleet", "Outcome", "run_in_process"]
-
-
-PolicyFailure = Callable[[int, str, BaseException | None], None]
-"""Takes a robot's number, how its policy has failed, and what it raised (None where it raised nothing)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,11 +23,14 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
 
-    from fogwatch.inprocess import InProcessFleet, PolicyFailure
     from patrol.exchange import Reply, Sensed
     from patrol.journal import Status
+    from worldsim.fleet.loop import Fleet
 
-    MakePart = Callable[[Sequence[int], PolicyFailure], InProcessFleet]
+    PolicyFailure = Callable[[int, str, BaseException | None], None]
+    """Takes a robot's number, how its policy has failed, and what it raised (None where it raised nothing)."""
+
+    MakePart = Callable[[Sequence[int], PolicyFailure], Fleet]
     """Makes the fleet of some robots, given by number; it tells the other argument of each policy that fails."""
 
 
