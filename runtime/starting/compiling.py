@@ -20,7 +20,7 @@ from pathlib import Path
 from patrol.errors import BadInput
 from runtime.starting.environment import own_environment
 
-WORKER = "runtime.starting.compile_worker"
+WORKER = "runtime.process.compile_worker"
 MOST_WORKERS = 8
 """More processes gain little: the slowest modules alone take as long."""
 NICENESS = 19

@@ -1,4 +1,4 @@
-"""``python -m runtime.starting.compile_worker NICENESS``: compiles kernel modules, one after another.
+"""``python -m runtime.process.compile_worker NICENESS``: compiles kernel modules, one after another.
 
 Each line on the standard input is a JSON array of a module's name and its file. Each line on the standard output
 answers one of them, with a JSON string that is empty or says what went wrong. `runtime.starting.compiling`
