@@ -89,6 +89,7 @@ class MapImage:
 
 def free_levels(says: MapFile) -> Levels:
     """Return the greys that are free, bool (256,)."""
+    # In 32 bits, as nav2 compares them: grey 205 lies just at a common threshold.
     return occupancy_of(says) <= np.float32(says.free_thresh)
 
 
@@ -99,7 +100,11 @@ def occupied_levels(says: MapFile) -> Levels:
 
 
 def occupancy_of(says: MapFile) -> NDArray[np.float32]:
-    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw."""
+    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw.
+
+    For example, in mode trinary grey 0 (black) has the occupancy 1 and grey 255 (white) 0; with negate it is the other
+    way round.
+    """
     greys = np.arange(LEVELS, dtype=np.float32)
     if says.mode == "raw":
         return np.where(greys <= 100.0, greys / np.float32(100.0), np.float32(np.inf))
@@ -151,6 +156,7 @@ def single_unknown_cells(image: MapImage, says: MapFile) -> BoolGrid:
     runs = np.count_nonzero(is_free & ~np.roll(is_free, 1, axis=0), axis=0)
     alone = ~np.logical_or.reduce([unknown[window] for window in ring]) & ((runs == 1) | is_free.all(axis=0))
     specks = np.zeros(free.shape, dtype=np.bool_)
+    # Free cells in one run, or all around: no wall leads through the cell.
     specks[rows[alone], columns[alone]] = True
     return specks
 
