@@ -142,6 +142,7 @@ class Wiring:
         # In lockstep all others stand while one is waited for.
         return_s = MESH_RETURN_S if link.mesh is not None and not lockstep else RETURN_S
         sessions = Sessions(connection, WorldRun(self.run, scenario_hash(self.scenario), return_s), absent)
+        # The token comes last: a robot that sees it may answer at once.
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))

@@ -118,7 +118,10 @@ def _begins_on_time(entry: Entry, step: float) -> bool:
 
 
 def _ends_on_time(entry: Entry, step: float) -> bool:
-    """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
+    """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick.
+
+    For example, with steps of 0.5 s, 3 ticks for 1.25 s, 2 ticks for 1.2 s, and 1 tick for 0.1 s.
+    """
     fault = entry.fault
     if not isinstance(fault, Lasting):
         return entry.end == entry.begin
@@ -190,6 +193,7 @@ class ExitCodes(Check):
                         codes[process_name(name, incarnation)] = KILLED
                     case "left":
                         is_alive = False
+            # A process may have been started so late that no event tells of it.
             codes[process_name(name, incarnation + 1)] = None
         return codes
 

@@ -72,6 +72,8 @@ class Sightlines:
     def crossings(self, a: Place, b: Place) -> tuple[int, int]:
         """Return the least and the greatest number of walls that a line crosses, however thick they are.
 
+        For example, (1, 2) for a line that crosses one wall and grazes the corner of another.
+
         The line is cut into columns, or into rows where it is steeper than its diagonals. A wall is an unbroken stretch
         of these in which the line touches points of wall. One in which the line only grazes them may count or not.
         """
@@ -136,6 +138,7 @@ class WithinReach(Check):
         assert isinstance(fault, Range)
         if math.dist(a, b) > fault.reach + (ROUNDING_M if sure else -ROUNDING_M):
             return True
+        # Narrowed, it touches only walls that are in the way for sure.
         margin = -GRAZING_M if sure else GRAZING_M
         return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
 
@@ -251,8 +254,12 @@ class PathLossAsAsked(Check):
         return self._powers[origin, to]
 
     def _find_probability(self, margin: float) -> float:
-        """Return the probability with which a frame is received."""
+        """Return the probability with which a frame is received.
+
+        For example, 0.5 with a margin of 0 dB.
+        """
         edge = self._options.edge
         if edge == 0.0:
             return float(margin >= 0.0)
+        # The same curve as 1 / (1 + exp(-x)), which would overflow for a large negative margin.
         return 0.5 * (1.0 + math.tanh(0.5 * margin / edge))
