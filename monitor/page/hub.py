@@ -69,6 +69,7 @@ class Viewer:
         self.drawn = False
         self.posted += 1
         with suppress(RuntimeError):  # the loop has been closed
+            # The queue belongs to the loop's thread; this is the hub's.
             self.loop.call_soon_threadsafe(self.outbox.put_nowait, messages)
 
 

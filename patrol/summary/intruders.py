@@ -146,6 +146,7 @@ def _contact_places(record: TickRecord) -> list[tuple[float, float]]:
     places = []
     earlier = FORGED
     for source, frame in record.frames:
+        # The first frame of a source is its position, and what follows from the same source its contacts.
         if source == earlier != FORGED and (position := _read_frame(frame)) is not None and position.robot == CONTACT:
             places.append((position.pose.x, position.pose.y))
         earlier = source

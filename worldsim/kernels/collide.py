@@ -76,7 +76,7 @@ def _bodies_meet(ax, ay, bx, by, limit):
 def cancel_meeting(paths, radii, stands):
     """Stop every body that would meet another, repeatedly, until none would meet another.
 
-    For example, where bodies drive to the right in a row and the first one stands, the second stops, and then the third.
+    For example, of bodies that drive in a row, the second one stops where the first one stands, and then the third.
 
     All pairs are judged before any body is stopped, so the result does not depend on the order of the bodies.
 
