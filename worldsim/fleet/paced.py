@@ -121,6 +121,7 @@ class PacedFleet:
         if self._router is not None:
             self._router.answers()
         reasons = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
+        # A reason that the mind gives says more than that its process is gone.
         reasons |= self._sessions.failed(self._living)
         for number, reason in reasons.items():
             self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
