@@ -131,6 +131,7 @@ def marked_cells(says: MapFile) -> BoolGrid:
     elif says.mode == "scale":
         free, occupied = np.float32(says.free_thresh), np.float32(says.occupied_thresh)
         between = (occupancy > free) & (occupancy < occupied)
+        # Half of 1 in 100 rounds up to the 1 from which on a cell is marked.
         marked |= between & (np.float32(100.0) * (occupancy - free) >= np.float32(0.5) * (occupied - free))
     return read_image(says).cells(marked)
 
@@ -285,9 +286,13 @@ def _pixels_of(image: Image.Image, where: str) -> MapImage:
 
 
 def _grey_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the grey of colours as GraphicsMagick computes it: rounded to 16 bits, then cut to 8."""
+    """Return the grey of colours as GraphicsMagick computes it: rounded to 16 bits, then cut to 8.
+
+    For example, pure red is grey 76, pure green 149 and pure blue 29.
+    """
     greys = np.empty(pixels.shape[:2], dtype=np.uint8)
     for first in range(0, len(pixels), BLOCK):
+        # int32: the sum below comes to 66 million for white.
         red, green, blue = np.moveaxis(pixels[first : first + BLOCK, :, :3].astype(np.int32), -1, 0)
         level = (A_GREY * (299 * red + 587 * green + 114 * blue) + 500) // 1000
         greys[first : first + BLOCK] = level // A_GREY
@@ -298,6 +303,7 @@ def _grey_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _any_size() -> Iterator[None]:
     """Let MAX_CELLS judge the size of images in place of Pillow's own limit, which is smaller."""
     limit = Image.MAX_IMAGE_PIXELS
+    # The limit is a global of Pillow's, so it is set back whatever happens.
     Image.MAX_IMAGE_PIXELS = None
     try:
         yield
