@@ -77,6 +77,7 @@ class IntruderTotals:
         reported = {
             id(nearest): nearest for nearest in (_nearest_intruder(present, spot) for spot in _contact_places(record))
         }
+        # By identity: several robots may report the same intruder in one tick, which counts once.
         for intruder in reported.values():
             intruder.reported += 1
             if intruder.first_reported is None:
