@@ -106,6 +106,7 @@ class FaultsOnTime(Check):
         )
         numbers = {name: number for number, name in self._run.names.items()}
         for entry in self._entries:
+            # Sorted: a fault may name robots in any order.
             if any(sorted(robots) != sorted(numbers[name] for name in names) for names, robots in _list_named(entry)):
                 self._fail(f"{entry.id} acts on other robots than it names")
         return f"{len(self._entries)} faults scheduled by their `at` and `for`"
@@ -232,6 +233,7 @@ class PausedStandStill(Check):
         for event in self._run.journal.events:
             if event.robot is None:
                 continue
+            # The look of a pause comes right after the pause's own event, so it belongs to the last entry.
             if event.kind == LOOKED_AT and looks and (*looks[-1][:2], looks[-1][3]) == (event.k, event.robot, ""):
                 looks[-1] = (*looks[-1][:3], event.detail)
             if event.kind == paused:
@@ -289,6 +291,7 @@ class DirectLinks(Check):
         counts = reported(self._run.journal)
         for hearer, report in counts.items():
             for sender, count in report["heard"].items():
+                # A sender that did not report at its end may have sent more than it last said.
                 if sender in counts and counts[sender]["final"] and count > counts[sender]["sent"]:
                     self._fail(f"{hearer} heard {count} frames of {sender}, which sent {counts[sender]['sent']}")
         sums = totals(links_of(counts).values())

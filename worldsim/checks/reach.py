@@ -81,7 +81,10 @@ class Sightlines:
         return min(lowest for lowest, _ in counts), max(greatest for _, greatest in counts)
 
     def _find_cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
-        """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
+        """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways.
+
+        For example, a line from (0, 0) to (4, 1) points is cut into columns, and one from (0, 0) to (1, 4) into rows.
+        """
         ends = ([(end[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for end in (a, b))
         (x0, y0), (x1, y1) = ends
         by_column, by_row = self._sums
@@ -170,6 +173,7 @@ class PathLossAsAsked(Check):
         self._places = {row.number: (row.x, row.y) for row in record.robots}
         self._powers = {}
         redraw = self._options.redraw
+        # The margin: 165 steps of 0.1 s by a redraw of 1.1 s give a little less than 15 in binary.
         window = 0 if redraw is None else math.floor(record.k * self._step / redraw + 1e-9)
         if window != self._window:
             self._window = window
@@ -212,6 +216,7 @@ class PathLossAsAsked(Check):
         overlapping: dict[tuple[int, int], list[tuple[int, tuple[int, int]]]] = {}
         for index, (moment, origin, frame) in enumerate(by_moment):
             for next_moment, later_origin, following in by_moment[index + 1 :]:
+                # Sorted by their moments: no later frame overlaps this one either.
                 if next_moment - moment >= airtime:
                     break
                 if origin != later_origin:
@@ -246,6 +251,7 @@ class PathLossAsAsked(Check):
             a, b = self._places[origin], self._places[to]
             clear = options.power - options.reference - 10.0 * options.exponent * math.log10(max(math.dist(a, b), 1.0))
             walls = self._sightlines.crossings(a, b) if options.wall > 0.0 else (0, 0)
+            # Shadowing differs by direction, while walls and distance do not, so one sightline serves both.
             for link in ((origin, to), (to, origin)):
                 if link not in self._shadowing:
                     self._shadowing[link] = gauss(self._seed, Purpose.RADIO, _SHADOWING, self._window, *link)
