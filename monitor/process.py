@@ -59,6 +59,7 @@ NICENESS = 10
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve one page."""
+    # Taken out, so that no process that is started from here inherits it.
     key = os.environ.pop(KEY, "")
 
     def work(process: ProcessContext) -> int:
@@ -167,6 +168,7 @@ def _run_server(
         serving = asyncio.create_task(server._serve([listening]))  # serve() would take over the signals
         while not serving.done():
             notifier.alive()
+            # The hubs run on threads of their own, whose failures nothing else would show.
             if ending or any(hub.failure is not None for hub in hubs):
                 server.should_exit = True
             await asyncio.sleep(0.1)
@@ -230,6 +232,7 @@ def _open_listener(host: str, port: int) -> socket.socket:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
+        # Else a port that was in use just before would be refused for a minute.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)
         listening.listen()  # early clients wait for the server

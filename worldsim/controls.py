@@ -54,6 +54,7 @@ class ControlMailbox:
             arrived = self._mailbox.get(timeout_s)
             if arrived is None:
                 return None
+            # Only the first is waited for: the others are what has come meanwhile.
             timeout_s = 0.0
             question = arrived[1]
             try:
@@ -207,6 +208,7 @@ class Operator:
             if request is not None:
                 is_asked = True
                 yield from self._do_request(request, self._world.tick)
+            # Only without a request: several that wait are all done before the next tick.
             elif wait_s <= 0.0:
                 break
             else:
@@ -218,6 +220,7 @@ class Operator:
         if self._held:
             self._steps -= 1
         elif self._pace is not None:
+            # A tick that was late is not made up for, or ticks would come in a burst.
             self._due = max(self._due + self._world.step / self._pace, self._now())
 
     def during(self) -> None:
@@ -248,6 +251,7 @@ class Operator:
         except Exception as error:  # noqa: BLE001 - no request ends a world
             request.answer(Answer(False, str(refusal(error))))
             return
+        # Before the answer: what an operator was told is in the journal.
         yield Event(k, OPERATOR, None, detail)
         request.answer(Answer(True, text))
 
@@ -261,6 +265,7 @@ class Operator:
                 self._held, self._steps = False, 0
                 return f"going on with tick {k}"
             case Step(ticks=ticks):
+                # A second request while ticks are held adds to the first.
                 self._steps = ticks if not self._held else self._steps + ticks
                 self._held = True
                 return f"paused before tick {k + self._steps}"

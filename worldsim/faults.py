@@ -87,11 +87,16 @@ class Timeline:
 
     def at(self, k: int) -> tuple[Entry, ...]:
         """Return the lasting faults of radio, senses, bodies and ground that are active in tick k, by index."""
+        # The latest change up to the tick; what is active stays so until the next one.
         index = bisect_right(self._changes, k) - 1
         return self._active[index] if index >= 0 else ()
 
     def acts(self, k: int) -> tuple[Act, ...]:
-        """Return the acts on robots before tick k, by fault and then by robot."""
+        """Return the acts on robots before tick k, by fault and then by robot.
+
+        For example, a pause of r1 from tick 4 to tick 10 is an act of kind "pause" before tick 4 and one of kind
+        "resume" before tick 10.
+        """
         return self._acts.get(k, ())
 
     def acts_on(self, number: int, since: int) -> Iterator[Act]:
@@ -119,6 +124,8 @@ class Timeline:
     def healed(self) -> int | None:
         """The first tick from which no fault is active and none will be; None when one never ends.
 
+        For example, 10 for a single loss from tick 4 to tick 10, and 4 for a single kill at tick 4.
+
         Robots may still be dead, paused or gone: that depends on what happens in the run.
         """
         if any(_is_lasting(entry) and entry.end is None for entry in self.entries):
@@ -141,8 +148,8 @@ class Timeline:
         else:
             parts.append(self._name_robots(entry.who))
         shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups", "closure"}
-        values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        parts += [f"{name} {in_flow(value)}" for name, value in values.items() if name not in shown]
+        options = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+        parts += [f"{name} {in_flow(value)}" for name, value in options.items() if name not in shown]
         return ", ".join(parts)
 
     def _name_robots(self, numbers: Sequence[int]) -> str:
@@ -176,11 +183,13 @@ class Timeline:
         if isinstance(fault.groups, str):
             fleet = (number for number in self._names.values() if number not in self._spares)
             drawn = in_drawn_order(fleet, (self._seed, index, TargetField.GROUPS))
+            # Of an odd number the second half is the larger one.
             first = 1 if fault.groups == "one" else len(drawn) // 2
             groups = [drawn[:first], [*drawn[first:], *self._spares]]
         else:
             groups = [[self._names[name] for name in group] for group in fault.groups]
             named = {number for group in groups for number in group}
+            # Robots that no group names form one more, or they would hear all groups.
             groups.append([number for number in self._names.values() if number not in named])
         return tuple(tuple(sorted(group)) for group in groups if group)
 
@@ -213,6 +222,7 @@ def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
     comes: dict[int, bool] = {}
     for entry in sorted(entries, key=lambda entry: entry.begin):
         for number in entry.who if isinstance(entry.fault, Join | Leave) else ():
+            # The first of a robot's joins and leaves says whether it was there before.
             comes.setdefault(number, isinstance(entry.fault, Join))
     return frozenset(number for number, joins in comes.items() if joins)
 

@@ -52,6 +52,7 @@ class PutOff:
 
     def settle(self) -> None:
         """Pass on the record that was kept, if there is one."""
+        # Taken out first: what is called may come back here.
         record, self._record = self._record, None
         if record is not None:
             self._on_tick(record)

@@ -62,4 +62,5 @@ class Intruders:
         sent = as_received(pose)
         view = self._footprint.visible(sent)
         spots = [place for place in here if view.shows(*self._footprint.terrain.point_at(*place))]
+        # By distance and then by place, so that of equally near ones the same are reported everywhere.
         return tuple(sorted(spots, key=lambda place: (math.dist(place, (sent.x, sent.y)), place))[:MAX_CONTACTS])

@@ -72,6 +72,7 @@ _STATUSES = tuple(status.name.lower() for status in Status)
 
 
 def _random_run() -> int:
+    # 63 bits, which a signed number of 64 holds, and never 0.
     return int.from_bytes(os.urandom(8), "big") >> 1 | 1
 
 
@@ -142,6 +143,7 @@ class Wiring:
         # In lockstep all others stand while one is waited for.
         return_s = MESH_RETURN_S if link.mesh is not None and not lockstep else RETURN_S
         sessions = Sessions(connection, WorldRun(self.run, scenario_hash(self.scenario), return_s), absent)
+        # The token comes last: a robot that sees it may answer at once.
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
@@ -160,6 +162,7 @@ class Wiring:
         numbers = {spec.name: spec.number for spec in self.scenario.roster}
         positions = Mailbox([keys.position(name) for name in numbers], bytes, MAX_FRAME, ROOM)
         longest = MAX_TRAFFIC * len(numbers)
+        # Room for one of each robot: its counts only grow, so the newest report says all.
         telemetry = Mailbox([keys.telemetry(name) for name in numbers], read_traffic, longest, room=1)
         self.air.subscribe(keys.position("*"), positions)
         self.link.subscribe(keys.telemetry("*"), telemetry)

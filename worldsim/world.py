@@ -109,6 +109,7 @@ class World:
         """Begin a tick; return each living robot's senses, by number, for phase A."""
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
+        # Poses of now: bodies move before the fog is brought up to date.
         self._to_observe = [(number, body.pose) for number, body in living.items()]
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses, batteries = self.tick, self.senses, self.batteries
@@ -162,6 +163,7 @@ class World:
             self._frames, self._delivery = genuine, Delivery({number: [] for number in sent}, (), ())
             return self._delivery.heard
         statuses = {number: body.status for number, body in self.bodies.items()}
+        # Missing in phase A: it hears nothing of this tick, though its status changes only after it.
         statuses |= {number: Status.LOST for number in self.living if number not in frames}
         poses = {number: body.pose for number, body in self.bodies.items() if body.status.is_present}
         self._delivery = self.ether.carry(self.tick, sent, statuses, poses)
@@ -178,8 +180,10 @@ class World:
             body = self.bodies[number]
             self._obey_reply(body, replies.get(number))
             body.command = slowed(body.command, self._speed_limits.at(body.pose.x, body.pose.y, self._zones))
+            # After the slow zones: an empty battery stops the robot wherever it is.
             if self.batteries.is_empty(number):
                 body.command = standstill(body.spec)
+        # The record has the poses at the beginning of the tick, with the command that leads on.
         before = {number: body.pose for number, body in self.bodies.items()}
         driven = self.noise.driven(self.tick, {number: self.bodies[number].command for number in self.living})
         move(list(self.bodies.values()), self.truth.footprint.terrain, self.step, driven)

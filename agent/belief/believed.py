@@ -243,6 +243,7 @@ class Beliefs:
         `own` has, by number, where each takes itself to be, as encoded on the wire; `heard` the frames that reach each,
         in their order.
         """
+        # Once a tick has been heard, a fog is blank no longer, so minds that begin later get one of their own.
         self._blank.clear()
         if not heard:
             return
@@ -258,6 +259,7 @@ class Beliefs:
                 mind.shared.see([(tick, own[number]), *intake.looks(number)], tick)
             return
         looks, chosen = _side_by_side(intake, [own[number] for number in minds], self._footprint)
+        # As bytes, which can be a key: minds that have learnt of the same looks stay together.
         learnt = {number: row.tobytes() for number, row in zip(minds, chosen, strict=True)}
         for fog in {id(mind.shared): mind.shared for mind in minds.values()}.values():
             for part, chosen_looks in self._part_group(fog, learnt):
@@ -268,6 +270,7 @@ class Beliefs:
         parts: dict[bytes | None, set[int]] = defaultdict(set)
         for number in fog.members:
             parts[learnt.get(number)].add(number)
+        # The largest part keeps the fog, so that the fewest minds pay for a copy; ties go to the lowest number.
         largest = max(parts.values(), key=lambda members: (len(members), -min(members)))
         groups = []
         for learnt_looks, members in parts.items():
@@ -292,6 +295,7 @@ def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> 
     mine = [place(intake.tick, pose) for pose in own]
     past = [(row, place(tick, pose)) for row, _, tick, pose in intake.past]
     chosen = np.zeros((len(own), len(places)), dtype=np.uint8)
+    # Nearly always: one assignment for all columns. Two frames with one pose share a look and are joined below.
     if len(set(numbers)) == len(numbers):
         chosen[:, numbers] = intake.plain[:, columns]
     else:
@@ -317,9 +321,13 @@ class Contacts:
         self._seen: dict[Place, int] = {}
 
     def report(self, contact: Position, tick: int) -> None:
-        """Take in a report and forget earlier reports of the same intruder."""
+        """Take in a report and forget earlier reports of the same intruder.
+
+        For example, reports at (1, 1) and (2, 1) in two ticks are of one intruder, which is at (2, 1) then.
+        """
         spot = contact.pose.x, contact.pose.y
         self._seen = {earlier: k for earlier, k in self._seen.items() if k == tick or math.dist(earlier, spot) >= SAME}
+        # Several robots report the same intruder in a tick; the first report counts.
         if all(math.dist(earlier, spot) >= SAME for earlier in self._seen):
             self._seen[spot] = tick
 

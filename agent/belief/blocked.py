@@ -72,6 +72,7 @@ class Blocked:
             return
         seen_at = self._seen_at.reshape(-1)
         blocked = np.array(sensed.blocked, dtype=np.int64)
+        # Senses come from another process, so an index may lie off the grid.
         blocked = blocked[blocked < seen_at.size]
         seen_at[blocked] = sensed.k
         grid = (self._seen_at != UNSEEN) & (self._seen_at >= sensed.k - self._memory)
@@ -103,6 +104,7 @@ class Blocked:
             self._parts, _ = parts_of(open_now)
             self._part = 0
         part = int(self._parts[point])
+        # 0: it stands where no centre may be, such as on a point just closed, and what it knew still helps.
         if part in (0, self._part):
             return
         self._part = part

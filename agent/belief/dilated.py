@@ -33,6 +33,7 @@ class Dilated:
         self._reach = reach
         self._reach_in_blocks = -(-reach // SIDE)
         self._ground = np.ascontiguousarray(ground).astype(np.uint8)
+        # Multiplied: a post that is no ground stays 0.
         self._ground[posts.rows[:, 2], posts.rows[:, 3]] *= POST
         self._passable = np.ones_like(self._ground) if square else self._ground
         self._carried = np.zeros(ground.shape, dtype=np.int32)
@@ -62,6 +63,7 @@ class Dilated:
         fork._fog = fog
         fork._carried, fork._grid = self._carried.copy(), self._grid.copy()
         fork._outdated, fork._due = self._outdated.copy(), self._due.copy()
+        # The scratch and all that never changes is shared.
         fork._freshest = self._freshest.copy()
         return fork
 

@@ -95,6 +95,7 @@ class Obstacles:
         for number in self._find_silent(tick, others):
             if number not in known:
                 known[number] = self._place_silent(number, belief, others[number].tick + self._memory)
+        # A copy, since entries are removed on the way.
         for number, obstacle in list(known.items()):
             # It is heard again, or was not met for long.
             if others[number].tick == tick if number > 0 else tick > obstacle.until + longest:
@@ -142,6 +143,7 @@ class Obstacles:
             # A step of its own may have been cancelled as well.
             gap = _distance_from(pose, end, (peer.pose.x, peer.pose.y)) - reach - (late + 1) * self._strides[number]
             if peer.tick == tick and gap <= 0.0:
+                # Robots heard in time come first, then the nearest, then the lowest number.
                 gaps.append((late > 0, gap, number))
         if not gaps:
             return False
@@ -175,13 +177,20 @@ class Obstacles:
 
 
 def _find_contact(pose: Pose, end: Pose, reach: float) -> Spot:
-    """Return about where something is that has cancelled a move, by how near to it the robot's centre gets, m."""
+    """Return about where something is that has cancelled a move, by how near to it the robot's centre gets, m.
+
+    For example, (1.25, 0) for a move from (0, 0) to (0.5, 0) that was cancelled with a reach of 1 m: contact came half-
+    way.
+    """
     way = math.dist((pose.x, pose.y), (end.x, end.y))
     return _at_distance((pose.x, pose.y), (end.x, end.y), reach + 0.5 * way)
 
 
 def _at_distance(centre: Spot, place: Spot, distance: float) -> Spot:
-    """Return the place in the same direction from a centre at a distance, m; the centre if they are the same."""
+    """Return the place in the same direction from a centre at a distance, m; the centre if they are the same.
+
+    For example, (6, 8) for the centre (0, 0), the place (3, 4) and 10 m.
+    """
     share = distance / (math.dist(centre, place) or 1.0)
     return centre[0] + share * (place[0] - centre[0]), centre[1] + share * (place[1] - centre[1])
 
@@ -192,7 +201,10 @@ def _distance_from(start: Pose, end: Pose, place: Spot) -> float:
 
 
 def _nearest_on(start: Pose, end: Pose, place: Spot) -> Spot:
-    """Return the place on the straight line between two poses that is nearest to another place."""
+    """Return the place on the straight line between two poses that is nearest to another place.
+
+    For example, (2, 0) for the line from (0, 0) to (2, 0) and the place (3, 1): the line ends there.
+    """
     across, up = end.x - start.x, end.y - start.y
     along = (place[0] - start.x) * across + (place[1] - start.y) * up
     share = min(max(along / (across**2 + up**2 or 1.0), 0.0), 1.0)

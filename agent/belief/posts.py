@@ -24,6 +24,7 @@ class Posts:
         width = proxy.shape[1]
         points = np.flatnonzero(proxy.reshape(-1) >= 0)
         posts = proxy.reshape(-1)[points]
+        # Flat indices ascend row by row, so the entries of a range of rows lie side by side.
         order = np.argsort(posts, kind="stable")
         columns = (*np.divmod(points[order], width), *np.divmod(posts[order], width))
         self._rows: NDArray[np.int32] = np.ascontiguousarray(np.stack(columns, axis=1).astype(np.int32))
@@ -47,6 +48,8 @@ class Posts:
         """Return the entries of `rows` whose post lies in the rows from `first` to `last`, both inclusive.
 
         Both may lie outside the terrain.
+
+        For example, `between(0, 0)` has the points whose post lies in row 0.
         """
         height = len(self._ends) - 1
         return self._rows[self._ends[min(max(first, 0), height)] : self._ends[min(max(last + 1, 0), height)]]

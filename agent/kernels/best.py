@@ -58,10 +58,12 @@ def best_of(
     score, rows, cols = 0.0, own.shape[0], own.shape[1]
     point_row = point_col = stand_row = stand_col = way = int64(0)
     for k in range(rows + posts.shape[0]):
+        # One loop for both kinds: each row of the box, and then each post as a row of one point.
         row, up, first, end, shift = k + row0, k, int64(0), cols, col0
         if k >= rows:
             post = posts[k - rows]
             row, up, first = int64(post[0]), post[2] - row0, post[3] - col0
+            # Chosen so that `across + shift` is the column of the point, where `across` is that of its post.
             shift = post[1] - first
             # An empty range where the post lies outside of the box.
             end = first + 1 if 0 <= first < cols and 0 <= up < rows else first
@@ -77,17 +79,17 @@ def best_of(
             # A sensor of low quality leaves an age to points in view, but going there shows nothing new.
             if looked[index(row), index(col)] == tick:
                 continue
-            value = worth[index(age)] / (length + near)
+            candidate = worth[index(age)] / (length + near)
             if rival.size != 0 and rival[index(up), index(across)] < length:
-                value *= others
+                candidate *= others
             for place_left_out in range(left_out.shape[0]):
                 off_row = up + row0 - left_out[place_left_out, 0]
                 off_col = across + col0 - left_out[place_left_out, 1]
                 if off_row * off_row + off_col * off_col <= left_out[place_left_out, 2]:
-                    value = 0.0
+                    candidate = 0.0
             # Strictly more, so that of equal points the first one counts.
-            if value > score:
-                score, way = value, length
+            if candidate > score:
+                score, way = candidate, length
                 point_row, point_col, stand_row, stand_col = row, col, up + row0, across + col0
     return score, point_row, point_col, stand_row, stand_col, way
 
@@ -97,6 +99,9 @@ def best_of(
 )
 def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score, most):
     """Return the greatest age, in ticks, of the points that could have a score if the way to them were straight.
+
+    For example, a point 3 rows and 5 columns away with a gap of 1 counts as at least 482 away: 2 diagonal steps and 2
+    straight ones.
 
     Args:
         patrolled: bool (h, w), the points that have an age.
@@ -141,6 +146,8 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
 def longest_own_way(own, rival, limit):
     """Return the length of the longest way within a limit that no rival has a shorter way for, 0 without any.
 
+    For example, with ways of 300, 500 and 900, a rival's of 400, 400 and 950, and a limit of 1000, it is 900.
+
     Args:
         own: int32 (m, k), path lengths from the robot (`agent.routes.ground.BoxPaths`).
         rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
@@ -150,6 +157,7 @@ def longest_own_way(own, rival, limit):
     for row in range(own.shape[0]):
         for col in range(own.shape[1]):
             length = int64(own[row, col])
+            # Equally long ways are the robot's own, as in `best_of`.
             if longest < length <= limit and (rival.size == 0 or length <= rival[row, col]):
                 longest = length
     return longest
@@ -158,6 +166,8 @@ def longest_own_way(own, rival, limit):
 @njit(types.boolean(SPOTS, float64, float64, float64), cache=True, nogil=True)
 def any_nearer(spots, x, y, longest):
     """Return True if the way from one of some spots to another one, with nothing in between, is shorter than m.
+
+    For example, the way from (0, 0) to (3, 4) is 5.23 m: 3 m of diagonal steps, at 1.41 each, and 1 m straight on.
 
     Args:
         spots: float64 (n, 2), x and y in m.

@@ -58,6 +58,7 @@ def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, l
             for k in range(before.size):
                 had = stored[k]
                 # Posts keep their tick: only `carry` knows those of the points that are seen from them.
+                # Never seen counts as tick 0, so a first look at tick 0 changes nothing.
                 has = max(ticks[k], np.int32(0)) if kind[k] == 1 else had
                 before[k] = min(before[k], had if has != had else np.int32(NOTHING))
                 stored[k] = has
@@ -96,6 +97,7 @@ def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_
                 while post < end and posts[post, 2] == row and posts[post, 3] == col:
                     when = min(when, last_seen[posts[post, 0], posts[post, 1]])
                     post += 1
+                # Only after the least of all was taken: -1 of one point must win over the ticks of the others.
                 when = max(when, 0)
                 had = carried[row, col]
                 if had != when:
@@ -109,6 +111,9 @@ def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_
 )
 def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, reach):
     """Mark the blocks in which a dilated tick may have changed, and forget the changes.
+
+    For example, if a point last seen at tick 40 is seen again, a block whose freshest dilated tick is 35 stays as it
+    is: none of its points had 40 as its oldest.
 
     Args:
         outdated: As in `note`; all of it is `NOTHING` afterwards.
@@ -127,6 +132,8 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
             if when == NOTHING:
                 continue
             outdated[row, col] = NOTHING
+            # Staleness spreads by the window's half-width, so only blocks within that of the change can have noticed
+            # it.
             for up in range(max(0, row - reach), min(rows, row + reach + 1)):
                 for across in range(max(0, col - reach), min(cols, col + reach + 1)):
                     # No window of a block whose dilated ticks are all older has had it as its oldest.
@@ -211,6 +218,7 @@ def boxes_due(due, clear, height, width, first_row, last_row, first_col, last_co
                 top, bottom = row * SIDE, min((row + 1) * SIDE, height) - 1
                 left, right = col * SIDE, min((col + 1) * SIDE, width) - 1
                 boxes[count] = top, bottom, left, right
+                # To be beaten: what a box of its own would read.
                 best, fewest = count, (SIDE + 2 * reach) ** 2
                 for box in range(count):
                     up, down = min(boxes[box, 0], top), max(boxes[box, 1], bottom)
@@ -220,6 +228,7 @@ def boxes_due(due, clear, height, width, first_row, last_row, first_col, last_co
                     if more >= fewest or down - up >= WIDEST or end - begin >= WIDEST:
                         continue
                     blocks = clear[up // SIDE : down // SIDE + 1, begin // SIDE : end // SIDE + 1]
+                    # A block that lies inside a box already costs nothing more there, whatever its kind.
                     if more == 0 or (box >= first and (kind == 0 or blocks.all())):
                         best, fewest = box, more
                 boxes[best, 0], boxes[best, 1] = min(boxes[best, 0], top), max(boxes[best, 1], bottom)

@@ -112,6 +112,7 @@ def _largest_along(value, other, first, end, by, reach):
             target[j] = max(here[j], ahead[j])
         now, after = after, now
         swapped = not swapped
+        # After k turns each element is the largest of 2**k, so a window of 101 takes 6 turns and not 50.
         size *= 2
     # The two runs overlap unless they just fit; a maximum may take an element twice.
     behind, ahead = now[low : end - reach * by], now[first + (reach - size + 1) * by : end + (reach - size + 1) * by]
@@ -160,6 +161,7 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
     size = shape[0] * shape[1]
     if scratch.size < 3 * size:
         scratch = np.empty(3 * size, dtype=np.uint16)
+    # The frame must be 0 too, and what an earlier call left there is not.
     scratch[: 3 * size] = 0
     age = scratch[:size].reshape(shape)
     spare = scratch[size : 2 * size].reshape(shape)
@@ -172,6 +174,7 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
         ages, mask = age[r - top + FRAME, low_col - left + FRAME :], open_[r - top + FRAME, low_col - left + FRAME :]
         for j in range(when.size):
             mask[j] = 65535 if may[j] != 0 else 0
+            # Counted here, where each point is read anyway.
             passed += may[j] != 0
             # Casts to int32, since a literal would widen the sum to 64 bits and halve what a vector holds.
             old = min(now - max(when[j], np.int32(0)), np.int32(65534)) + np.int32(1)

@@ -104,11 +104,13 @@ def gather(
             if posts is None:
                 row, col, seen_row, seen_col = i, j, row0 + i, col0 + j
             else:
+                # The robot goes to the post, but the age is that of the point.
                 row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
                 if row < 0 or row >= rows or col < 0 or col >= cols:
                     continue
             far = int64(length[index(row), index(col)])
             # The two low bits are the wave's status, where 3 is settled.
+            # Unsigned, so that one comparison excludes both lengths up to `first` and those beyond `last`.
             if index(far - first - 1) >= index(last - first) or state[index(row), index(col)] & 3 != 3:
                 continue
             when = int64(seen[index(seen_row), index(seen_col)])
@@ -116,6 +118,7 @@ def gather(
                 continue
             force = pull[index(min(tick - max(when, 0), oldest))] * decay[index(far)]
             if widest >= 0:
+                # Differences beyond the table's ends read as its ends.
                 ahead = far - int64(rival[index(row), index(col)]) + half
                 force *= share[index(min(max(ahead, 0), widest))]
             turn = int64(bend[index(row), index(col)])
@@ -137,6 +140,7 @@ def gather(
                         sums[slot] = total
                         slot, total = into, sums[into]
             if as_vector:
+                # Never divides by 0: a path with a length bends on another point than the robot's.
                 scale = force / math.sqrt(up * up + across * across)
                 along += scale * across
                 upwards += scale * up

@@ -16,6 +16,8 @@ float64 = types.float64
 def free_run(state, row, col, up, across, distance):
     """Measure how far a ray stays on open points.
 
+    For example, a ray from a point's centre to a wall that begins 2.5 points on gives 2.25.
+
     The ray is sampled every quarter point, and the last free sample counts.
 
     Args:
@@ -36,6 +38,7 @@ def free_run(state, row, col, up, across, distance):
         run = min(0.25 * index, distance)
         r = math.floor(row + run * up)
         c = math.floor(col + run * across)
+        # Off the window is blocked. `math.floor` rounds down below 0 too, where `int` would round up to 0.
         if r < 0 or r >= rows or c < 0 or c >= cols or state[r, c] & 3 == 0:
             break
         free = run
@@ -91,19 +94,22 @@ def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side,
         for col in range(max(1, goal_col - side), min(cols - 1, goal_col + side + 1)):
             if not whole and state[row, col] & 3 == 0:
                 continue
-            value = psi[row - 1, col - 1]
+            candidate = psi[row - 1, col - 1]
             gap = (row - goal_row) * (row - goal_row) + (col - goal_col) * (col - goal_col)
-            if value > best or (value == best and gap >= nearest):
+            if candidate > best or (candidate == best and gap >= nearest):
                 continue
             if not whole:
                 ahead_row, ahead_col = row + 0.5 - from_row, col + 0.5 - from_col
                 ahead = ahead_row * up + ahead_col * across
+                # Within 45 degrees the cosine is at least the root of 1/2. Squared; `abs` keeps the sign of points
+                # behind.
                 if 2.0 * ahead * abs(ahead) < ahead_row * ahead_row + ahead_col * ahead_col:
                     continue
+                # Rays cost most, so they come last.
                 if not _reaches(state, goal_row + 0.5, goal_col + 0.5, row + 0.5, col + 0.5):
                     continue
                 if not _reaches(state, from_row, from_col, row + 0.5, col + 0.5):
                     continue
-            best, nearest = value, gap
+            best, nearest = candidate, gap
             cell = row * cols + col
     return cell

@@ -16,6 +16,8 @@ FLOAT = types.float64
 def close_discs(reach, is_open, boxes, discs, bounds):
     """Open the points of some boxes, and then close those whose centres lie within some discs.
 
+    For example, a disc of radius 1.1 around a point's centre closes five points: that one and the four beside it.
+
     Args:
         reach: bool (h, w), the points that can be open.
         is_open: bool (h + 2, w + 2), changed in place: those that are, framed by one closed point on every side.
@@ -24,6 +26,7 @@ def close_discs(reach, is_open, boxes, discs, bounds):
         bounds: int64 (d, 4), a box that holds all points of each disc.
     """
     for top, bottom, left, right in boxes:
+        # The frame stays closed, whatever the box.
         for row in range(max(top, 1), min(bottom, is_open.shape[0] - 1)):
             for col in range(max(left, 1), min(right, is_open.shape[1] - 1)):
                 is_open[row, col] = reach[row - 1, col - 1]
@@ -42,6 +45,9 @@ def close_discs(reach, is_open, boxes, discs, bounds):
 def open_elements(is_open, places, x0, y0, point):
     """Find the open elements on which some places lie.
 
+    For example, with the origin at (0, 0) and points of 1 m, the place (2.5, 0.5) lies on the element (1, 3): the frame
+    shifts both by one.
+
     Args:
         is_open: bool (m, n), framed by closed points, which stand for all that lies off the terrain.
         places: float64 (k, 2), x and y in m.
@@ -54,6 +60,7 @@ def open_elements(is_open, places, x0, y0, point):
     """
     elements = np.full((places.shape[0], 2), -1, dtype=np.int64)
     for place in range(places.shape[0]):
+        # Compared as floats: a place that is far off would overflow an integer.
         row = np.floor((places[place, 1] - y0) / point) + 1.0
         col = np.floor((places[place, 0] - x0) / point) + 1.0
         if 0.0 < row < is_open.shape[0] and 0.0 < col < is_open.shape[1] and is_open[int(row), int(col)]:

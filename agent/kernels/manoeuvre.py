@@ -82,6 +82,7 @@ def _judge(blocked, point, row, col, radius, near):
             # From the far side or corner of the point, and from the near one.
             if point * math.sqrt(up * up + across * across) < radius - 2.0 * TOUCHING:
                 return OVERLAPS
+            # Nearest when the centre lies on the facing side of its point: a whole point less in each direction.
             if point * math.sqrt(max(abs(up) - 1, 0) ** 2 + max(abs(across) - 1, 0) ** 2) < radius:
                 verdict = DEPENDS
                 near[0], near[1] = min(near[0], row + up), max(near[1], row + up)
@@ -120,6 +121,7 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, shap
             if spare >= 0.0:
                 verdict = FITS
             else:
+                # Index plus one above two bits of the verdict, so that an empty entry, 0, matches no point.
                 slot, key = (row & KEPT - 1) * KEPT + (col & KEPT - 1), row * width + col + 1 << 2
                 if judged[slot] >> 2 << 2 != key:
                     judged[slot] = key + _judge(blocked, point, row, col, radius, near[slot])
@@ -217,6 +219,7 @@ def search(
     px, py, ph, pleft = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     cost = np.empty(most)
     parent, by = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    # No arc led to the start, so `by` is -1: its first arc is no change of gear.
     px[0], py[0], ph[0], pleft[0], cost[0], parent[0], by[0] = x, y, heading, first_left, 0.0, -1, -1
     # The last node of each cell that was come by, in a hash table, and each node's cell.
     # At most a quarter full, so that probes stay short.
@@ -308,6 +311,7 @@ def search(
             # A turn on the spot leaves the way as long as it was, even between two points.
             row = math.floor((math.floor(ny * units + 0.5) / units - oy) / point) - row0
             col = math.floor((math.floor(nx * units + 0.5) / units - ox) / point) - col0
+            # Outside of the window the way left is unknown: it counts as longer by the distance driven.
             way = limit + 1
             if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
                 way = int64(left[row, col])

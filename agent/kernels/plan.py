@@ -50,6 +50,8 @@ def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, age
 def oldest_ages(points, begins, patrolled, last_seen, tick, step, witnesses, ages):
     """Find how long ago the oldest point of each station was last seen.
 
+    For example, at tick 20 with steps of 0.5 s, a station whose points were last seen at 8, 12 and 19 has the age 6 s.
+
     Each station has a witness, a point that is as old as any of it. As long as it has not been seen again, it still is,
     since points only become fresher; so the others are not looked at.
 
@@ -68,11 +70,12 @@ def oldest_ages(points, begins, patrolled, last_seen, tick, step, witnesses, age
     for station in range(begins.size - 1):
         point, since = witnesses[station]
         if point < 0 or max(int64(seen[index(point)]), 0) != since:
+            # The tick itself gives the age 0, for a station without a point that counts.
             point, since = -1, tick
             for i in range(begins[station], begins[station + 1]):
-                at = max(int64(seen[index(points[i])]), 0)
-                if has_age[index(points[i])] and (point < 0 or at < since):
-                    point, since = points[i], at
+                seen_at = max(int64(seen[index(points[i])]), 0)
+                if has_age[index(points[i])] and (point < 0 or seen_at < since):
+                    point, since = points[i], seen_at
             witnesses[station, 0], witnesses[station, 1] = point, since
         ages[station] = (tick - since) * step
 
@@ -103,6 +106,7 @@ def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
             across, up = spots[k, 0] - places[i, 0], spots[k, 1] - places[i, 1]
             away[k] = math.sqrt(across * across + up * up)
             nearest = k if away[k] < away[nearest] else nearest
+        # By the triangle inequality the true way lies between the difference and the sum of the two ways.
         station = seen_from[i] if seen_from[i] >= 0 else nearest
         first = away[station]
         for k in range(spots.shape[0]):
@@ -151,6 +155,7 @@ def _cost(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals
     before = routes[robot, max(since - 1, 0)]
     for k in range(since, count):
         here = tail[k]
+        # The first leg begins at the robot and not at a station.
         arrival = leads[robot, here] if k == 0 else arrival + apart[before, here]
         age = ages[here] + arrival
         square = age * age
@@ -194,9 +199,9 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     # What a move puts behind the stations that stay, at the places where it would stand.
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
-        u = _draw_below(state, size)
-        v = near[u, _draw_below(state, near.shape[1])]
-        r, q, i, j = owner[u], owner[v], position[u], position[v]
+        station = _draw_below(state, size)
+        near_station = near[station, _draw_below(state, near.shape[1])]
+        r, q, i, j = owner[station], owner[near_station], position[station], position[near_station]
         kind = _draw_below(state, 4)
         first_free, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
         first_count, second_count, first_since = 0, counts[q], 0
@@ -244,13 +249,13 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
                 second[k] = routes[r, k - j + first_since]
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
-        old = costs[q, counts[q]]
-        new = _cost(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals)
+        cost_before = costs[q, counts[q]]
+        cost_after = _cost(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals)
         if r != q:
-            old += costs[r, counts[r]]
-            new += _cost(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals)
+            cost_before += costs[r, counts[r]]
+            cost_after += _cost(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals)
         # A plan of the same cost is taken too: it may lead on to better ones.
-        if new > old:
+        if cost_after > cost_before:
             continue
         counts[q] = second_count
         _note(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals, owner, position)
@@ -312,6 +317,7 @@ def compare(routes, counts, pinned, robot, choices, leads, apart, ages, near, mo
         for r in range(counts.size):
             count = 0
             for i in range(counts[r]):
+                # Taken out of whichever route it is in, and put first in the robot's own below.
                 if routes[r, i] != choices[c]:
                     plans[c, r, count] = routes[r, i]
                     count += 1

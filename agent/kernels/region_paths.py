@@ -57,6 +57,7 @@ def _pop(heap, at, away, size):
         slot = below
     heap[slot] = last
     at[last] = slot
+    # -2 and not -1: settled, so that no way puts it into the heap again.
     at[nearest] = -2
     return nearest
 
@@ -106,33 +107,33 @@ def route(
     for k in range(start_row.shape[0]):
         part = start_part[k]
         for index in range(first[part], first[part + 1]):
-            c = members[index]
-            far = math.hypot(places[c, 0] - start_row[k], places[c, 1] - start_col[k])
+            link = members[index]
+            far = math.hypot(places[link, 0] - start_row[k], places[link, 1] - start_col[k])
             # A start on a connection is in both its parts and needs no way to it.
-            if far == 0.0 or far > limit or far >= away[c]:
+            if far == 0.0 or far > limit or far >= away[link]:
                 continue
-            away[c], lead[c], came[c] = far, c, part
-            if at[c] < 0:
-                at[c] = size
+            away[link], lead[link], came[link] = far, link, part
+            if at[link] < 0:
+                at[link] = size
                 size += 1
-            _rise(heap, at, away, at[c], c)
+            _rise(heap, at, away, at[link], link)
     while size > 0:
-        c = _pop(heap, at, away, size)
+        link = _pop(heap, at, away, size)
         size -= 1
         # Go on in the other part: within the same part the direct way is never longer.
-        part = joined[c, 0] + joined[c, 1] - came[c]
+        part = joined[link, 0] + joined[link, 1] - came[link]
         for index in range(first[part], first[part + 1]):
-            d = members[index]
-            if at[d] == -2:
+            onward = members[index]
+            if at[onward] == -2:
                 continue
-            far = away[c] + math.hypot(places[d, 0] - places[c, 0], places[d, 1] - places[c, 1])
-            if far > limit or far >= away[d]:
+            far = away[link] + math.hypot(places[onward, 0] - places[link, 0], places[onward, 1] - places[link, 1])
+            if far > limit or far >= away[onward]:
                 continue
-            away[d], lead[d], came[d] = far, lead[c], part
-            if at[d] < 0:
-                at[d] = size
+            away[onward], lead[onward], came[onward] = far, lead[link], part
+            if at[onward] < 0:
+                at[onward] = size
                 size += 1
-            _rise(heap, at, away, at[d], d)
+            _rise(heap, at, away, at[onward], onward)
     count = 0
     for part in range(first.shape[0] - 1):
         begin[part] = count
@@ -142,10 +143,11 @@ def route(
                 source_away[count], source_lead[count] = 0.0, -1
                 count += 1
         for index in range(first[part], first[part + 1]):
-            c = members[index]
-            if away[c] < math.inf and came[c] != part:
-                source_row[count], source_col[count] = places[c, 0], places[c, 1]
-                source_away[count], source_lead[count] = away[c], lead[c]
+            link = members[index]
+            # A path that came through this part would have gone straight to the point.
+            if away[link] < math.inf and came[link] != part:
+                source_row[count], source_col[count] = places[link, 0], places[link, 1]
+                source_away[count], source_lead[count] = away[link], lead[link]
                 count += 1
     begin[first.shape[0] - 1] = count
     return count

@@ -36,6 +36,8 @@ def open_up(ground, patrolled, state, top, left):
 def rays(state, length, start_row, start_col, up, across, span, limit):
     """Settle every open point whose straight line from the robot is short enough; lines pass through obstacles.
 
+    For example, a point 3 rows and 4 columns from a robot at its point's centre has the length 500.
+
     Args:
         state: uint8 (m, n), as in `agent.kernels.wave`; changed in place.
         length: int32 (m, n), path lengths, rounded to the nearest hundredth of a point; filled in. That of the robot's
@@ -55,5 +57,6 @@ def rays(state, length, start_row, start_col, up, across, span, limit):
         for k in range(states.size):
             along = left + k - start_col - across
             far[k] = 100.0 * math.sqrt(above * above + along * along) + 0.5
+            # A selection and no branch, which the compiler turns into vector code.
             states[k] |= 3 if states[k] & 3 != 0 and far[k] <= limit else 0
     length[start_row, start_col] = 0

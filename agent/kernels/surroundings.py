@@ -26,6 +26,8 @@ NARROW = np.sqrt(2.0) - 1.0
 def fill_window(last_seen, patrolled, is_open, row, col, tick, stalest, window):
     """Fill in the window around a point.
 
+    For example, a point last seen 30 ticks ago gives 0.5 if the stalest age is 60.
+
     Args:
         last_seen: int32 (h, w), the tick at which each point was last seen; below 0 counts as tick 0.
         patrolled: bool (h, w), the points that have an age.
@@ -74,6 +76,9 @@ def count_free(is_open, row, col, rays, ways):
 def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
     """Fill in the nearest of the robots heard, the nearest first; of equal ones the first.
 
+    For example, on a terrain of 50 m, a robot 5 m to the right that was heard 10 ticks ago, of at most 100, gives 1,
+    0.1, 0 and 0.1.
+
     Args:
         places: float64 (n, 2), x and y of each, m.
         ticks: int64 (n,), when each was heard; changed.
@@ -86,6 +91,7 @@ def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
     """
     heard[:] = 0.0
     for slot in range(heard.shape[0]):
+        # One search for each slot: there are few slots, and a sort would need memory.
         nearest, nearest_square = -1, np.inf
         for k in range(ticks.size):
             dx, dy = places[k, 0] - x, places[k, 1] - y
@@ -124,13 +130,14 @@ def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, 
         features: float32 (8, 5), filled: mean age near the robot and farther away, free way, nearness of the nearest
             robot, and cosine of the angle between the sector's middle and the heading.
     """
-    for s in range(8):
+    for sector_row in range(8):
         for k in range(2):
             # A sector without points has a sum of 0, and so a mean of 0.
-            count = max(sums[s, 2 * k + 1], 1)
-            features[s, k] = sums[s, 2 * k] / (count * stalest)
-        features[s, 2] = ways[s] / longest
-        features[s, 3] = 0.0
+            count = max(sums[sector_row, 2 * k + 1], 1)
+            features[sector_row, k] = sums[sector_row, 2 * k] / (count * stalest)
+        features[sector_row, 2] = ways[sector_row] / longest
+        features[sector_row, 3] = 0.0
+    # Written out by the addition theorem: the cosine of the heading less 0, 45, 90, ... degrees.
     side = np.sqrt(0.5)
     features[0, 4], features[4, 4] = across, -across
     features[2, 4], features[6, 4] = up, -up
@@ -138,6 +145,7 @@ def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, 
     features[3, 4], features[7, 4] = side * (up - across), -side * (up - across)
     for k in range(places.shape[0]):
         dx, dy = places[k, 0] - x, places[k, 1] - y
+        # For example, 0.75 at a quarter of the way.
         nearness = 1.0 - np.sqrt(dx * dx + dy * dy) / half
         if nearness <= 0.0:
             continue
@@ -183,6 +191,8 @@ def sum_ages(last_seen, patrolled, row, col, half, tick, sums):
         else:
             rise = abs(up)
             # The tangent is irrational, so that no point but the centre lies on a border between sectors.
+            # Columns up to `steep` away lie in the sector straight up or down, those beyond `flat` in the ones to the
+            # sides.
             steep = np.int64(np.floor(NARROW * rise))
             flat = np.int64(np.floor(rise / NARROW))
             bounds[0], bounds[1], bounds[2] = 0, col - flat, col - steep
@@ -198,6 +208,7 @@ def sum_ages(last_seen, patrolled, row, col, half, tick, sums):
             sector = sectors[run]
             if sector < 0:
                 continue
+            # Clipped to the grid. An empty run has equal ends, so no later range is negative.
             first = min(max(bounds[run], 0), width)
             last = max(min(bounds[run + 1], width), first)
             near_first = min(max(col - half, first), last) if is_near else last

@@ -60,6 +60,7 @@ def follow(costs, scratch, tour, spacing, ticks, x, y, across, up):
             previous = k - 1 if k > 0 else size - 1
             two = k - 2 if k > 1 else k + size - 2
             back = k + 1 if k < size - 1 else 0
+            # Read from the copy: all places move on at the same time.
             cost = min(scratch[k], scratch[previous])
             cost = min(cost, scratch[two] + AHEAD_TWO)
             cost = min(cost, scratch[back] + BACK)
@@ -73,5 +74,6 @@ def follow(costs, scratch, tour, spacing, ticks, x, y, across, up):
         if costs[k] < cheapest:
             best, cheapest = k, costs[k]
     for k in range(size):
+        # Only differences matter, and so the costs never grow without bound.
         costs[k] -= cheapest
     return best

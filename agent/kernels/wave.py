@@ -9,8 +9,9 @@ points are settled nearest first and go on in the order of the directions, or al
 both sides. Which of two that is shows where they part, so both are followed back to there.
 
 While the wave runs, a point's cell holds length * 32 + direction of the last step * 4 + IN_SIGHT + BESIDE, so that
-cells without their four low bits compare as paths do. Directions 0 to 3 are diagonal, 4 to 7 straight. A blocked
-point's cell is 0.
+cells without their four low bits compare as paths do. Directions 0 to 3 are diagonal, 4 to 7 straight. For example,
+3218, which is 100 * 32 + 4 * 4 + IN_SIGHT, is a point in sight whose path has the length 100 and came along its row. A
+blocked point's cell is 0.
 
 Only neighbours that can lie on a new shortest path are tried: where all eight neighbours are open, a path that came
 straight goes on straight, and one that came diagonally goes on diagonally or turns into either of its components.
@@ -95,20 +96,27 @@ def encode(is_open, state, boxes):
                     continue
                 surrounded = True
                 for up in range(row - 1, row + 2):
+                    # The frame is closed, so points along the edge are hemmed as well and no index lies outside.
                     surrounded &= is_open[up, col - 1] and is_open[up, col] and is_open[up, col + 1]
                 state[row, col] = OPEN if surrounded else OPEN | HEMMED
 
 
 @njit(int64(int64, int64), cache=True, nogil=True, forceinline=True)
 def _step(way, stride):
-    """Return the step of a direction: what it adds to a flat index."""
+    """Return the step of a direction: what it adds to a flat index.
+
+    For example, direction 0 leads to the next row and the next column, so with rows of 10 points it adds 11.
+    """
     # Rows and columns of all directions, two bits each and one more than they are: far faster than a tuple of steps.
     return ((0x190A >> 2 * way & 3) - 1) * stride + (0x4682 >> 2 * way & 3) - 1
 
 
 @njit(int64(int64, int64, int64, int64), cache=True, nogil=True, forceinline=True)
 def _least_length(here, row, col, stride):
-    """Return the length of the path from a point to another one, (row, col), without obstacles."""
+    """Return the length of the path from a point to another one, (row, col), without obstacles.
+
+    For example, 623 over 3 rows and 5 columns: three diagonal steps and two straight ones.
+    """
     here_row = int64(index(here) // index(stride))
     up, across = abs(here_row - row), abs(here - here_row * stride - col)
     return 100 * max(up, across) + 41 * min(up, across)
@@ -134,6 +142,7 @@ def _put(cell, soon, count, here, there, away, way, limit, stride):
     if away > limit:
         return count
     known, label = int64(cell[index(there)]), away << 5 | way << 2
+    # The four low bits hold the lowest two of the direction and the marks, so this compares length and kind of step.
     if label >> 4 >= known >> 4:
         if label >> 4 != known >> 4 or known >> 2 == label >> 2:
             return count
@@ -177,6 +186,7 @@ def _settle_clear(cell, bends, start, stride, limit, seeds):
                 if cell[index(here)] == fresh:
                     cell[index(here)], bends[index(here)] = label, here
                 # Octants share points.
+                # Another label than the one that this octant would give: the point is not clear.
                 elif cell[index(here)] != label:
                     break
                 here, far, away = here + ahead, far + 1, away + 100
@@ -292,9 +302,11 @@ def settle(state, sight, length, bend, starts, limit, top, bottom, left, right, 
             here, came = entry >> 3, entry & 7
             known = int64(cell[index(here)])
             # An older entry: a path that counts more has reached the point since.
+            # Entries are not removed when a better path comes; they are passed over here.
             if known >> 2 & 7 != came:
                 continue
             far = known >> 5
+            # It belongs to a later round and waits for it.
             if far >= end:
                 soon[index(count)] = entry
                 count += 1

@@ -79,6 +79,8 @@ def cropped(terrain: Terrain, ground: BoolGrid) -> tuple[Terrain, tuple[slice, s
     """Cut a terrain to some ground and a margin around it; return the part, and its rows and columns.
 
     It keeps a small building on a large map from being a speck. `ground`, (h, w), has at least one point.
+
+    For example, ground of 100 by 40 points keeps a margin of 3 points on each side.
     """
     rows, columns = np.flatnonzero(ground.any(axis=1)), np.flatnonzero(ground.any(axis=0))
     margin = max(round(AROUND * max(np.ptp(rows), np.ptp(columns))), 1)
@@ -305,6 +307,8 @@ def _lay_out(figure: Figure) -> None:
 
 def round_length(about: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is not above `about`.
+
+    For example, 5 for 7.3 and 0.2 for 0.3.
 
     `about` must be above 0.
     """

@@ -44,8 +44,10 @@ def stalest(last_seen, patrolled):
     if points == 0:
         return row, col, count, points
     middle_row, middle_col = rows / ties, cols / ties
+    # Farther than any point is from the middle.
     nearest = float(height) * height + float(width) * width
     for r in range(height):
+        # No point of this row can be nearer.
         if (r - middle_row) ** 2 >= nearest:
             continue
         for c in range(width):
@@ -70,6 +72,9 @@ KEEP = -(2**31)
 def take_over(now, shown, versions, side, version, tiles, counts, values, lengths):
     """Update ``shown`` to ``now`` and write the difference as runs of equal values, in square tiles.
 
+    For example, a tile of four points of which only the second changes, to 5, is written as the values `KEEP`, 5,
+    `KEEP` with the lengths 1, 1, 2.
+
     Args:
         now: int32 (h, w), the new map.
         shown: int32 (h, w), the old map; changed in place.
@@ -91,6 +96,7 @@ def take_over(now, shown, versions, side, version, tiles, counts, values, length
         row, col = tile // across * side, tile % across * side
         end = min(col + side, width)
         first = runs
+        # A run of nothing: it is written only once it has a length.
         run, length = types.int32(KEEP), 0
         for r in range(row, min(row + side, height)):
             fresh, old = now[r, col:end], shown[r, col:end]
@@ -101,17 +107,17 @@ def take_over(now, shown, versions, side, version, tiles, counts, values, length
                 length += fresh.size
                 continue
             for c in range(fresh.size):
-                value = fresh[c]
-                if value == old[c]:
-                    value = types.int32(KEEP)
-                if value == run:
+                fresh_value = fresh[c]
+                if fresh_value == old[c]:
+                    fresh_value = types.int32(KEEP)
+                if fresh_value == run:
                     length += 1
                     continue
                 if length > 0:
                     values[runs] = run
                     lengths[runs] = length
                     runs += 1
-                run, length = value, 1
+                run, length = fresh_value, 1
             for c in range(fresh.size):  # an assignment to the slice takes four times as long to compile
                 old[c] = fresh[c]
         if runs == first and run == KEEP:  # nothing changed

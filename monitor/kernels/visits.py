@@ -46,6 +46,7 @@ def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0,
             if before == tick:
                 continue
             looked[r, c] = tick
+            # A first look ends no gap.
             if before >= 0 and tick - before > 1:
                 gaps[tick - before] += 1
             first = upto[r, c] + 1
@@ -55,6 +56,7 @@ def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0,
             if since == tick - 1:  # most points: seen in the last tick, up to which all is in the sums
                 upto[r, c] = since
                 continue
+            # An arithmetic series: ages grow by one in each tick since the last look.
             sums[r, c] += (tick - first) * (first + tick - 1 - 2 * since) // 2
             worst[r, c] = max(worst[r, c], tick - 1 - since)
             upto[r, c] = tick - 1
@@ -63,6 +65,8 @@ def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0,
 @njit(types.void(SEEN, TRACKED, TICKS, SUMS, TICKS, types.int64), cache=True, nogil=True)
 def settle(last_seen, tracked, upto, sums, worst, tick):
     """Add the ages of all tracked points up to and including ``tick``.
+
+    For example, a point last seen at tick 2, up to which its ages are in ``sums``, gets 1 + 2 + 3 at tick 5.
 
     Args:
         last_seen: As in `visit`.

@@ -131,6 +131,7 @@ def _of_a_world(
     try:
         so_far = _first_answer(client, met, wait_s, ending, own)
         source = None if so_far is None else FeedSource(met.keys.fleet, client, so_far, key=key)
+    # Also an interrupt: a link that stays open keeps its thread, and the process.
     except BaseException:
         link.close()
         raise

@@ -55,6 +55,7 @@ class FeedClient:
 
     def batch(self, timeout_s: float) -> Batch | None:
         """Return the next batch; None after `timeout_s` of wall time without one."""
+        # One mailbox for both, so that a batch and the news of its world keep their order.
         arrived = self._mailbox.get(timeout_s)
         while arrived is not None and isinstance(arrived[1], Presence):
             self.present = arrived[1].present

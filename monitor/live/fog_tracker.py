@@ -147,6 +147,7 @@ class FogTrackers:
         The tracker that is served first now is served last next time.
         """
         for layer in list(self._by_layer):
+            # A dict keeps its order, so one that is taken out and put back is last.
             tracker = self._by_layer[layer] = self._by_layer.pop(layer)
             while tracker.behind:
                 tracker.step()

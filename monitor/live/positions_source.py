@@ -123,6 +123,7 @@ class PositionsSource(Source):
         until = self._now() + timeout_s
         while True:
             now = self._now()
+            # Ticks of wall time: a viewer that was busy leaves some out.
             k = int((now - self._began) / self._scenario.step)
             if k > self._k:
                 self._start_tick(k)
@@ -219,6 +220,7 @@ class PositionsSource(Source):
         name = self._roster[number - 1].name
         heard_s = None if peer is None else max(0, self._k - peer.tick) * self._scenario.step
         stopped = None if view is None else stop_text(view.stopped)
+        # As robots judge it themselves.
         silent = heard_s is None or heard_s > self._scenario.radio.forget_after
         if silent:
             status = Status.ABSENT if heard_s is None and name not in self._present else Status.LOST
@@ -239,7 +241,10 @@ class PositionsSource(Source):
 
 
 def stop_text(stopped: str) -> str | None:
-    """Return why a robot is stopped, without what ends that; None for one that may drive."""
+    """Return why a robot is stopped, without what ends that; None for one that may drive.
+
+    For example, "it was halted" for "it was halted (fogwatch control ... release)".
+    """
     return re.sub(r" \([^()]*\)", "", stopped) or None
 
 

@@ -115,6 +115,7 @@ class RunChecks:
             all(source in senders and len(frame) <= MAX_FRAME for source, frame in record.frames)
             and all(source in senders and to in senders and sequence <= _SEQUENCES for source, to, sequence in links)
             and all(len(cause) <= MAX_TEXT for cause in (*record.forged, *(link[3] for link in causes)))
+            # At tick k, ground that was never seen has the age k + 1.
             and record.mfow <= k + 1
             and record.fog_mean <= k + 1
         )

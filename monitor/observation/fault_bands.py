@@ -39,6 +39,9 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
     """Return the faults of a run, and robots that were lost without a fault, by their beginnings.
 
     `events` are in order, and `step` is in s. A fault that did not end before ends with the run, at `end_s`.
+
+    For example, with a step of 0.1 s, the events "jam1 jam begins: within 3 m" at tick 50 and "jam1 jam ends" at tick
+    80 give the band of jam1 from 5 to 8 s.
     """
     bands: list[Band] = []
     open_bands: dict[str, int] = {}
@@ -57,6 +60,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
                 if verb == _BEGINS:
                     open_bands[name] = len(bands)
                 bands.append(Band(name, kind, time_s, end_s if verb == _BEGINS else time_s, text))
+        # With planned faults a death comes from one, which has an event of its own.
         elif event.kind == LOSSES[1] or (event.kind == LOSSES[0] and not planned):
             bands.append(Band("", event.kind, time_s, time_s, event.detail))
     return tuple(bands)
@@ -75,6 +79,8 @@ def lanes(bands: Sequence[Band], most: int) -> list[tuple[str, list[Band]]]:
     """Arrange faults in rows; return the name and the faults of each row.
 
     A row has one fault or, with more than `most` faults, all of one kind.
+
+    For example, fault jam1 has the row "jam1 jam", and with too many faults it shares the row "jam" with other jams.
     """
     rows: dict[str, list[Band]] = {}
     by_fault = len({(band.id, band.kind) for band in bands}) <= most

@@ -32,10 +32,12 @@ class Hearing:
             return
         before, sent_before = self._reports.get(robot), self._sent_before.get(robot, {})
         if before is None or before.incarnation != traffic.incarnation:
+            # A robot that was started again counts from zero, so its counts before say nothing.
             sent_before = {}
         self._reports[robot] = traffic
         self._sent_before[robot] = {
             sender: sent_before[sender]
+            # A count that has not grown keeps the moment at which it last did.
             if before is not None and sender in sent_before and count <= before.heard.get(sender, 0)
             else self._sent[sender]
             for sender, count in traffic.heard.items()

@@ -88,10 +88,14 @@ class LinkLog:
             self._open.clear()
 
     def _counts_after(self, k: int) -> _Counts:
-        """Return the frames sent and delivered, and when each link was last heard, after tick k."""
+        """Return the frames sent and delivered, and when each link was last heard, after tick k.
+
+        For example, tick 130 takes the sums up to tick 127, two blocks of 64, and adds the ticks 128 to 130.
+        """
         number = k // _APART
         sent, delivered, last_heard = self._counts[number]
         first = number * _APART
+        # Only up to the tick: a block goes on after it.
         rows = self._block_rows(number)[: k + 1 - first]
         came = rows[:, 1] > 0
         last = np.where(came.any(axis=0), first + len(rows) - 1 - came[::-1].argmax(axis=0), last_heard)
@@ -102,6 +106,7 @@ class LinkLog:
         """uint16 (ticks, 2, n, n): frames sent and delivered in each tick of a block."""
         if number == len(self._packed):
             return np.stack(self._open)
+        # The block read last is kept: a replay asks for one tick after the other.
         if number != self._block_of:
             counts = np.frombuffer(zlib.decompress(self._packed[number]), dtype=np.uint16)
             self._block_of, self._block = number, counts.reshape(-1, *self._shape)

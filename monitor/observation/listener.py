@@ -108,6 +108,7 @@ class BeliefFollower:
             number = row.number
             if number not in self.listeners:
                 continue
+            # A robot may end and begin again between two ticks, which no status shows.
             if number in ended or (row.status not in GONE and self._was[number] in GONE):
                 self.listeners[number] = self._make(number)
             self._was[number] = row.status

@@ -164,7 +164,7 @@ class SeriesLog:
     def after(self, k: int) -> Series:
         """Return the ticks later than k."""
         first = bisect_right(self._ticks, k)
-        mfow, mean = (np.array(values[first:], dtype=np.float64) * self._step for values in (self._mfow, self._mean))
+        mfow, mean = (np.array(measure[first:], dtype=np.float64) * self._step for measure in (self._mfow, self._mean))
         return Series(np.array(self._ticks[first:], dtype=np.int64), mfow, mean)
 
 
@@ -264,11 +264,16 @@ class TickRate:
 
     def add(self, now_s: float, k: int) -> None:
         """Take in a tick."""
+        # Fast ticks would otherwise fill the memory with samples that tell nothing new.
         if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
             self._samples.append((now_s, k))
 
     def at(self, now_s: float, k: int) -> float:
-        """Return the ticks per second of wall time; 0 without ticks."""
+        """Return the ticks per second of wall time; 0 without ticks.
+
+        For example, 2.0 at 13 s and tick 26 if the oldest sample is tick 20 at 10 s.
+        """
+        # One sample from before the window stays, so that the rate spans all of it.
         while len(self._samples) > 2 and self._samples[1][0] <= now_s - WINDOW_S:
             self._samples.popleft()
         if not self._samples:

@@ -64,6 +64,7 @@ class TrapWatch:
         if self._known is None:
             self._known = record.k
         if self._open_ground is not None and closings is not None:
+            # Closing the ground makes its grids anew, so only on a change.
             if closings.names(record.k) != self._closed:
                 self._closed = closings.names(record.k)
                 self._ground.close(closings.grid(record.k))

@@ -51,6 +51,7 @@ class Authorisation:
 
         The headers' names are in lower case.
         """
+        # A page of another name that points to this machine could otherwise read it through the browser.
         return not self.view_without_key or is_loopback(_host_name(headers.get("host", "")))
 
     def same_origin(self, headers: Mapping[str, str]) -> bool:
@@ -63,7 +64,10 @@ class Authorisation:
 
 
 def _host_name(host: str) -> str:
-    """Return a Host header without its port."""
+    """Return a Host header without its port.
+
+    For example, "127.0.0.1" for ``127.0.0.1:8080`` and "::1" for ``[::1]:8080``.
+    """
     if host.startswith("["):
         return host.partition("]")[0].lstrip("[")
     return host.partition(":")[0]

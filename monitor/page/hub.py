@@ -69,6 +69,7 @@ class Viewer:
         self.drawn = False
         self.posted += 1
         with suppress(RuntimeError):  # the loop has been closed
+            # The queue belongs to the loop's thread; this is the hub's.
             self.loop.call_soon_threadsafe(self.outbox.put_nowait, messages)
 
 
@@ -192,12 +193,14 @@ class Hub:
         for layer in self._maps.keys() - shown:
             del self._maps[layer]
             for viewer in self._viewers:
+                # Its versions begin anew, so what a page has of it means nothing any more.
                 viewer.sent.pop(layer, None)
 
     def _new_messages(self, viewer: Viewer, state: State) -> list[Message]:
         """Return the messages that a viewer lacks; empty when it is up to date."""
         messages: list[Message] = []
         for layer in viewer.layers:
+            # None while the fog is being computed for the first time.
             tiled = self._maps.get(layer)
             if tiled is None:
                 continue
@@ -229,11 +232,16 @@ class Hub:
         return state_message(state, survey, self.static)
 
     def _add_trail(self, viewer: Viewer, k: int, messages: list[Message]) -> None:
-        """Add the ticks of the trail up to k that a viewer lacks: before or after those that it has, or all."""
+        """Add the ticks of the trail up to k that a viewer lacks: before or after those that it has, or all.
+
+        For example, a viewer with the trail of ticks 0 to 100 that is shown tick 103 gets the ticks 101 to 103.
+        """
         wanted, has = range(max(k - TRAIL, 0), k + 1), viewer.trail
         first, last = wanted.start, k
+        # Time went on: only the newest ticks are missing.
         if wanted.start in has:
             first = has.stop
+        # A replay went back: only the oldest ticks are missing.
         elif k in has:
             last = has.start - 1
         viewer.trail = wanted

@@ -29,7 +29,10 @@ PASSABLE, COUNTED = 1, 2
 
 
 def layer_number(layer: Layer) -> int:
-    """Return the number of a fog in packets."""
+    """Return the number of a fog in packets.
+
+    For example, 0 for "truth", -1 for "heard", and 3 for what robot 3 believes.
+    """
     if isinstance(layer, int):
         return layer
     return TRUTH if layer == "truth" else HEARD
@@ -45,6 +48,7 @@ class TiledMap:
         """Start without a map; `number` is the layer's, and `shape` is (h, w)."""
         self._number = number
         self._shown: NDArray[np.int32] = np.full(shape, KEEP, dtype=np.int32)
+        # Rounded up: tiles at the edge may be smaller.
         tiles = -(-shape[0] // SIDE) * -(-shape[1] // SIDE)
         self._versions: NDArray[np.int32] = np.zeros(tiles, dtype=np.int32)
         self._packets: dict[int, bytes] = {}
@@ -82,10 +86,10 @@ def _map_difference(
     """Update a map; return the packet that does so, without its first three numbers, and how many tiles change."""
     tiles, counts = (np.empty(versions.size, dtype=np.int32) for _ in range(2))
     # Room for as many runs as there can be; unused memory costs nothing.
-    values, lengths = np.empty(now.size, dtype=np.int32), np.empty(now.size, dtype=np.uint16)
-    changed, runs = take_over(now, shown, versions, SIDE, version, tiles, counts, values, lengths)
+    run_values, lengths = np.empty(now.size, dtype=np.int32), np.empty(now.size, dtype=np.uint16)
+    changed, runs = take_over(now, shown, versions, SIDE, version, tiles, counts, run_values, lengths)
     head = np.array([changed, runs], dtype=np.int32)
-    parts = (head, tiles[:changed], counts[:changed], values[:runs], lengths[:runs])
+    parts = (head, tiles[:changed], counts[:changed], run_values[:runs], lengths[:runs])
     return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts), changed
 
 

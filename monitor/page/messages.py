@@ -173,6 +173,7 @@ def _map_marks(static: Static) -> list[dict[str, Any]]:
             says["edges"] = list(map(_round_numbers, outline(mark.points, terrain).tolist()))
             if mark.closes:
                 indices = np.flatnonzero(mark.points)
+                # A run ends with its row, too: the page draws them row by row.
                 begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
                 says["runs"] = [[int(run[0]), run.size] for run in np.split(indices, begins)]
         shown.append(says)
@@ -185,7 +186,10 @@ def _stalest_values(survey: Survey, static: Static) -> list[float | bool | None]
 
 
 def _round_number(value: float | None) -> float | None:
-    """Return a number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
+    """Return a number rounded to four decimals; None for infinity and NaN, which JSON does not have.
+
+    For example, 0.3333 for a third.
+    """
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
@@ -206,6 +210,7 @@ def thinned(series: Series, most: int) -> Series:
     count = len(series.ticks)
     if count <= most:
         return series
+    # Twice as long as it would be: each interval keeps two ticks.
     size = -(-2 * count // most)
     first = np.arange(0, count, size)
     padded = np.full(len(first) * size, -np.inf)

@@ -84,10 +84,10 @@ def save_page(
 
 def _replay_files(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, dict[str, bytes]]:
     """Return the number of frames and the files of the page of one run, by name."""
-    frames, data = _record_frames(run, progress)
+    frames, messages = _record_frames(run, progress)
     return frames, {
         **_page_files("index.html"),
-        RECORDED: b'globalThis.RECORDED = "%s";\n' % base64.b64encode(gzip.compress(data)),
+        RECORDED: b'globalThis.RECORDED = "%s";\n' % base64.b64encode(gzip.compress(messages)),
         "plotly.min.js": plotly_file().read_bytes(),
     }
 
@@ -108,6 +108,7 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
             for name, content in files.items():
                 (part / name).parent.mkdir(exist_ok=True)
                 (part / name).write_bytes(content)
+            # Whoever opens index.html finds all that it loads.
             for entry in sorted(part.iterdir(), key=lambda entry: entry.name == "index.html"):
                 entry.rename(folder / entry.name)
 

@@ -130,6 +130,7 @@ class Server:
 
     async def _serve_live(self, socket: WebSocket, hub: Hub) -> None:
         authorisation = self._authorisation
+        # From the cookie alone: a key in the address of a socket would end up in logs.
         may_control = authorisation.is_key(socket.cookies.get(authorisation.cookie))
         ours = authorisation.allows_host(socket.headers) and authorisation.same_origin(socket.headers)
         if not ours or not (authorisation.view_without_key or may_control):
@@ -139,6 +140,7 @@ class Server:
         try:
             await socket.accept()
             if self._viewers[may_control] > MAX_VIEWERS:
+                # Accepted before, since only an open socket can give its reason.
                 await socket.close(FULL)
                 return
             viewer = Viewer(asyncio.get_running_loop())

@@ -86,12 +86,14 @@ class LiveRecorder:
         series = self._source.series(self._series_k)
         for k, mfow_s, mean_s in zip(series.ticks.tolist(), series.mfow_s, series.fog_mean_s, strict=True):
             self._series_k = k
+            # Doubled, so that the scale changes seldom and older grids stay readable.
             while self._scale_s < mfow_s:
                 self._scale_s *= 2.0
             self._file.measures(k, mfow_s, mean_s)
         for event in self._source.events(self._events):
             self._events += 1
             self._file.event(event)
+        # States may repeat a tick, such as when only the pace has changed.
         if state.robots and state.k > self._robots_k:
             self._robots_k = state.k
             rows = [(robot.decision_ms, robot.pose if robot.status in self._bodies else None) for robot in state.robots]

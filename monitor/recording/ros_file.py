@@ -160,6 +160,7 @@ class RosFile:
             channel = self._writer.register_channel(topic, "cdr", self._schemas[kind], offered)
             self._channels[topic] = channel
         sequence = self._sequence[channel] = self._sequence.get(channel, -1) + 1
+        # Both of a message's times are simulated, so that recordings of equal runs are equal.
         self._writer.add_message(channel, self._time_ns(k), data, self._time_ns(k), sequence)
 
     def _time_ns(self, k: int) -> int:
@@ -175,6 +176,8 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     """Return the values of /fog at tick k, int8 (h, w).
 
     They go from 0 for an age of 0 to 100 for `scale` ticks or more; points that are not patrolled have -1.
+
+    For example, with a scale of 200 ticks an age of 50 gives 25.
     """
     oldest = min(math.ceil(scale), k + 1)  # no age is greater at tick k, whatever scale the journal comes to
     by_age = np.minimum(np.rint(np.arange(oldest + 1) * (100.0 / scale)), 100.0).astype(np.int8)
@@ -188,6 +191,8 @@ def ros_names(names: Iterable[str]) -> list[str]:
     """Convert robots' names into unique names for ROS topics.
 
     The names are ASCII and differ from each other and from `RESERVED_NAMES`.
+
+    For example, "r-1" and "r_1" become "r_1" and "r_1_2", and "1st" becomes "robot_1st".
     """
     converted: list[str] = []
     for name in names:

@@ -103,7 +103,7 @@ class Encoder:
         to 100, or `UNKNOWN`.
         """
         height, width = values.shape
-        info = self._make_message(
+        metadata = self._make_message(
             "nav_msgs/msg/MapMetaData",
             map_load_time=self._make_time(0),
             resolution=point,
@@ -112,7 +112,7 @@ class Encoder:
             origin=self._make_pose(*origin, 0.0),
         )
         return self._encode_message(
-            GRID, header=self._make_header(at), info=info, data=np.ascontiguousarray(values).ravel()
+            GRID, header=self._make_header(at), info=metadata, data=np.ascontiguousarray(values).ravel()
         )
 
     def _encode_message(self, kind: str, **fields: Any) -> bytes:

@@ -128,5 +128,6 @@ def scale_of(run: Run) -> float:
 def key_frame_ticks(run: Run) -> int:
     """Return the number of ticks between two grids of a run."""
     wanted = max(1, round(KEY_FRAME_S / run.step))
+    # A grid has a byte for each point; the first and the last tick have one in any case.
     affordable = max(2, GRID_MEMORY // run.prepared.patrolled.size)
     return max(wanted, -(-run.ticks // affordable))

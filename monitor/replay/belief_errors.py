@@ -62,6 +62,7 @@ def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
     if robot_limit >= count:
         return tuple(range(count))
     missed = run.links.lost.sum(axis=0)[1:]
+    # Stable: of robots that missed as many, those first in the roster are taken on every machine.
     return tuple(sorted(np.argsort(-missed, kind="stable")[:robot_limit].tolist()))
 
 
@@ -86,6 +87,7 @@ class BeliefWatcher(Watcher):
         self._key = key
         self._robots = chosen_robots(run, work) if robots is None else tuple(robots)
         numbers = [run.numbers[index] for index in self._robots]
+        # A frame may arrive that many ticks after it was sent, and is looked up by its own tick.
         self._beliefs = BeliefFollower(numbers, self._make_listener, run.links.late + 1)
         self._records = iter(run.journal.ticks)
         self._ended: dict[int, set[int]] = defaultdict(set)

@@ -41,7 +41,10 @@ class FogHistory:
         return max(tick for tick in (-1, self._k, *self._kept) if tick <= k)
 
     def place(self, k: int) -> int:
-        """Return the last tick up to k that has a place for a snapshot."""
+        """Return the last tick up to k that has a place for a snapshot.
+
+        For example, 20 for tick 27 with snapshots 10 ticks apart.
+        """
         return k - k % self._apart
 
     def fog(self, k: int, over: Callable[[], bool] = lambda: False) -> Fog | None:
@@ -76,7 +79,11 @@ class FogHistory:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A map of last-seen ticks as runs of equal values, row by row."""
+    """A map of last-seen ticks as runs of equal values, row by row.
+
+    For example, the rows (5, 5, 0) and (0, 0, 7) have three runs, which begin at 0, 2 and 5, with the values 5, 0 and
+    7.
+    """
 
     shape: tuple[int, ...]
     begins: NDArray[np.int32]  # (n,), flat index of each run's first point

@@ -82,6 +82,7 @@ class _Robot:
         return None if fog is None else fog.last_seen
 
     def _advance_fog(self, fog: Fog, k: int) -> Fog:
+        # A robot that was started again has forgotten what it knew.
         if k in self._look_log.fresh:
             fog = self._blank_fog()
         for look_tick, pose in self._look_log.looks(k):

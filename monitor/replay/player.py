@@ -60,6 +60,7 @@ class Player(Source):
         self._running = False
         self._autoplay = autoplay
         whole_s = run.ticks * run.step
+        # For example, a run of 600 s plays at a pace of 10, within 60 s.
         self._pace = next((pace for pace in PACES if whole_s <= pace * WHOLE_S), PACES[-1]) if autoplay else 1.0
         self._returned: tuple[int, bool, float] | None = None
         self._is_ahead = False
@@ -171,6 +172,7 @@ class Player(Source):
             case {"do": "pause"}:
                 self._running = False
             case {"do": "go"}:
+                # At the end, "go" means from the start again.
                 if self._pace > 0.0 and self._k >= self._run.ticks - 1:
                     self._place = 0.0
                 self._running = True

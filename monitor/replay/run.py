@@ -61,7 +61,10 @@ class LinkTotals:
         return sum(self.dropped.values(), np.zeros_like(self.delivered))
 
     def share(self) -> NDArray[np.float64]:
-        """float64 (n, n), the delivered share of frames from each robot to each other; NaN where none settled."""
+        """float64 (n, n), the delivered share of frames from each robot to each other; NaN where none settled.
+
+        For example, 0.75 for 3 delivered frames and 1 lost one; frames still in flight do not count.
+        """
         delivered, lost = self.delivered[1:, 1:], self.lost[1:, 1:]
         sent = delivered + lost
         return np.where(sent > 0, delivered / np.maximum(sent, 1), np.nan).astype(np.float64)
@@ -301,6 +304,7 @@ class _Rows:
             self._batteries.tick(record.robots)
             shares = self._batteries.shares
             self._charge.append([shares.get(robot.number, nan) for robot in robots])
+        # The arrays hold states as int16.
         if len(self.labels) > MOST_LABELS:
             raise _Unfit(f"robots reported more than {MOST_LABELS} states")
         self.mfow.append(record.mfow)
@@ -320,6 +324,7 @@ class _Rows:
         if source not in self._place or destination not in self._place:
             raise _Unfit(f"a frame from robot {source} to robot {destination} was dropped, which do not take part")
         if cause not in self._dropped:
+            # Each cause takes a matrix of all links, so a stranger's journal could fill the memory.
             if len(self._dropped) >= self._most_causes:
                 raise _Unfit(f"frames were dropped for more than {self._most_causes} causes")
             self._dropped[cause] = np.zeros_like(self._delivered)

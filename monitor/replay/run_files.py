@@ -99,7 +99,11 @@ def read_summary(path: Path) -> Summary | None:
 
 
 def _walk_values(document: object) -> Iterator[tuple[str, object, int]]:
-    """Yield all values of a JSON document, each with its dotted field and its depth; nothing below `DEEPEST`."""
+    """Yield all values of a JSON document, each with its dotted field and its depth; nothing below `DEEPEST`.
+
+    For example, {"a": {"b": [1, 2]}} gives ("a.b.1", 2, 3) and ("a.b.0", 1, 3).
+    """
+    # Not by recursion: a stranger's file may be nested deeper than Python's stack.
     waiting = [("", document, 0)]
     while waiting:
         field, node, depth = waiting.pop()

@@ -67,6 +67,7 @@ class RunLog:
         """Advance the fog towards tick k, where it may be needed; whether it has arrived."""
         if not self._watch.needs_fog(k):
             return True
+        # In strides: one long replay of the fog would keep the page waiting.
         self._fog_k = min(max(self._fog_k, 0) + _STRIDE, k)
         self._replay.fog(self._fog_k)
         return self._fog_k == k

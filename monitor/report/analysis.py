@@ -178,7 +178,10 @@ def disagreement(run: Run) -> str:
 
 
 def _values_equal(stated: object, found: object) -> bool:
-    """Return whether two values are equal, numbers but for the rounding of another machine."""
+    """Return whether two values are equal, numbers but for the rounding of another machine.
+
+    For example, 10.0 equals 10.000000001, but not 10.001.
+    """
     if isinstance(stated, int | float) and isinstance(found, int | float):
         return math.isclose(stated, found, rel_tol=1e-9)
     return stated == found

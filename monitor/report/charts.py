@@ -190,11 +190,11 @@ def links_chart(run: Run) -> Figure:
     axes.set_xlabel("to")
     axes.set_ylabel("from")
     if count <= MOST_CELLS:
-        for (row, column), value in np.ndenumerate(share):
-            if not np.isnan(value):
+        for (row, column), percent in np.ndenumerate(share):
+            if not np.isnan(percent):
                 # It stands on the colour itself, so it does not depend on the theme.
-                tone = "#ffffff" if value < 55.0 else "#000000"
-                axes.text(column, row, _percent_text(value), ha="center", va="center", fontsize=8, color=tone)
+                tone = "#ffffff" if percent < 55.0 else "#000000"
+                axes.text(column, row, _percent_text(percent), ha="center", va="center", fontsize=8, color=tone)
     plain(axes, grid="none")
     chart.colorbar(image, ax=axes, label="delivered (%)", shrink=0.9)
     return chart
@@ -247,7 +247,10 @@ def troubles_chart(run: Run) -> Figure:
 
 
 def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reduce a line to at most `MOST_POINTS` points: the largest value of each interval."""
+    """Reduce a line to at most `MOST_POINTS` points: the largest value of each interval.
+
+    For example, of a line of 9000 points, the largest of each three stays, at its own time.
+    """
     width = -(-len(values) // MOST_POINTS)
     if width <= 1:
         return times, values
@@ -295,6 +298,7 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
 def _mark_fault(axes: Axes, band: Band, row: int, end: float) -> None:
     """Draw a fault in its row: a bar, or a mark for one without duration."""
     if band.lasts:
+        # A fault of one tick in a long run would be too thin to see.
         width = max(band.end - band.begin, 0.003 * end)
         axes.barh(row, width, left=band.begin, height=0.62, color=_band_tone(band), alpha=0.75)
     else:
@@ -319,5 +323,8 @@ def _draw_legend(axes: Axes, rows: int) -> None:
 
 
 def _percent_text(value: float) -> str:
-    """Return a share in percent; one below 100 never reads as 100."""
+    """Return a share in percent; one below 100 never reads as 100.
+
+    For example, 99.97 gives "99.9", 98.6 gives "99", and 100 gives "100".
+    """
     return f"{min(value, 99.9):.1f}" if 99.0 < value < 100.0 else f"{value:.0f}"

@@ -69,14 +69,16 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     """Return the fields in which the scenarios differ, except the name: the dotted field, and its value in each run.
 
     Files count by what is in them, not by where they lie: two copies of a policy or of a map are no difference.
+
+    For example, runs that differ in their seeds alone give [("seed", "1", "2")].
     """
     flat = [_by_content(dict(_walk_leaves(run.journal.header.scenario)), run) for run in runs]
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
     for field in fields:
-        values = [leaves.get(field, "-") for leaves in flat]
-        if any(value != values[0] for value in values):
-            texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in values]
+        in_runs = [leaves.get(field, "-") for leaves in flat]
+        if any(value != in_runs[0] for value in in_runs):
+            texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in in_runs]
             shared = len(commonprefix(texts))  # noqa: RUF071 - of characters
             rows.append((field, *(_cut_text(text, shared) for text in texts)))
     return rows

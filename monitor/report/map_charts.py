@@ -135,6 +135,7 @@ def _draw_ground(axes: Axes, terrain: Terrain) -> None:
 def _draw_path(axes: Axes, run: Run, place: int, width: float) -> None:
     """Draw a path: a ring at its start, a dot at its end, or a cross if the robot was lost."""
     track = run.poses[:, place, :2].copy()
+    # Lines break at NaN, so nothing joins the place where a robot left with that where it came back.
     track[np.isin(run.status[:, place], (Status.ABSENT, Status.LEFT))] = np.nan
     present = np.flatnonzero(~np.isnan(track[:, 0]))
     if not len(present):
@@ -152,5 +153,8 @@ def _draw_path(axes: Axes, run: Run, place: int, width: float) -> None:
 
 
 def _thin_grid(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
-    """Return every n-th row and column."""
+    """Return every n-th row and column.
+
+    For example, a grid of 5 by 4 points has 3 by 2 left with `every` = 2.
+    """
     return grid[::every, ::every]

@@ -66,7 +66,10 @@ def write_csv(run: Run, folder: Path) -> list[Path]:
 
 
 def _spread_columns(idle_s: Sequence[float]) -> str:
-    """Return least, mean, standard deviation and greatest, as four columns."""
+    """Return least, mean, standard deviation and greatest, as four columns.
+
+    For example, "2.0;3.0;1.0;4.0" for 2 and 4 s.
+    """
     if not idle_s:
         return "0.0;0.0;0.0;0.0"
     numbers = min(idle_s), statistics.fmean(idle_s), statistics.pstdev(idle_s), max(idle_s)

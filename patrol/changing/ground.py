@@ -49,6 +49,7 @@ class ChangingTerrain(Terrain):
     def close(self, closed: BoolGrid) -> None:
         """Close some points, and open all others."""
         vars(self)["passable"] = frozen_grid(self.base.passable & ~closed)
+        # They are cached properties of the grid that has just changed.
         for derived in ("free", "blocked", "room"):
             vars(self).pop(derived, None)
 
@@ -77,6 +78,7 @@ class ChangingFootprint(Footprint):
 
     def close(self, closed: BoolGrid) -> None:
         """Close some points, and open all others; `closed` is copied."""
+        # Making the sensor anew costs far more than the comparison.
         if np.array_equal(closed, self.closed):
             return
         self.closed = closed.copy()
@@ -88,6 +90,8 @@ def faces(view: View, closed: BoolGrid) -> NDArray[np.int64]:
     """Return the closed points that a view shows to be closed, as ascending flat indices.
 
     Those are the ones in it, or beside a point in it, diagonally too.
+
+    For example, in a row of four points with the last one closed, a view of the first three shows the face 3.
     """
     box = view.box(closed.shape)
     if box is None:
@@ -96,6 +100,7 @@ def faces(view: View, closed: BoolGrid) -> NDArray[np.int64]:
     near = closed[first : last + 1, left : right + 1]
     if not near.any():
         return np.zeros(0, dtype=np.int64)
+    # By one point on each side, so that the eight neighbours need no checks of bounds.
     visible = np.pad(
         view.mask[first - view.row0 : last + 1 - view.row0, left - view.col0 : right + 1 - view.col0] != 0, 1
     )
@@ -184,6 +189,7 @@ class Closings:
 
     def at(self, k: int) -> tuple[frozenset[str], frozenset[str]]:
         """Return the parts that are closed in a tick, and those that wait until bodies are clear of them."""
+        # The last state of several in one tick: robots see what its last event left.
         _, closed, waiting = self._states[bisect_right(self._states, k, key=itemgetter(0)) - 1]
         return closed, waiting
 

@@ -45,12 +45,13 @@ class OpenGround:
 
     def tick(self, k: int, terrain: Terrain, closed: Collection[str], places: Mapping[int, Place]) -> None:
         """Take in a tick: the ground as it is now, the names of closed parts, and the driven robots' places."""
-        now = frozenset(closed), frozenset(places)
-        if now == self._known:
+        state = frozenset(closed), frozenset(places)
+        if state == self._known:
             return
-        self._known = now
+        self._known = state
         for number, out in self._out.items():
             last_out = self._last_out.setdefault(number, np.full(out.shape, NEVER_OUT, dtype=np.int32))
+            # The state ended with the tick before this one.
             last_out[out] = k - 1
         self._out = {}
         if not closed:
@@ -60,6 +61,7 @@ class OpenGround:
         self._out = {number: self._patrolled & would[number] & ~visible[number] for number in places}
         nobody = np.zeros(terrain.shape, dtype=np.bool_)
         self.closed_out = np.logical_or.reduce([nobody, *self._out.values()])
+        # Closed out for one robot, but another still sees it.
         self.closed_out &= ~np.logical_or.reduce([nobody, *visible.values()])
 
     def last_seen_or_out(self, number: int, k: int, last_seen: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -81,13 +83,13 @@ class OpenGround:
         labels: dict[float, tuple[BoolGrid, NDArray[np.int32]]] = {}
         parts: dict[tuple[float, int], BoolGrid] = {}
         visible = {}
-        for number, spot in places.items():
+        for number, place in places.items():
             radius = self._radii[number]
             if radius not in labels:
                 cspace = cspace_of(terrain, radius)
                 labels[radius] = cspace, parts_of(cspace)[0]
             cspace, labelled = labels[radius]
-            joined = anchor(terrain, cspace, *spot)
+            joined = anchor(terrain, cspace, *place)
             part = 0 if joined is None else int(labelled[joined])
             if (radius, part) not in parts:
                 reach = (labelled == part) & cspace
@@ -112,6 +114,7 @@ class OpenAges:
         out = closed_out.reshape(-1)[self.points]
         ages = k - np.maximum(last_seen.reshape(-1)[self.points], 0)
         self._out += out
+        # A point in view counts anew, even if it was closed out before.
         self._out[ages == 0] = 0
         self.now = np.maximum(ages - self._out, 0)
         self.greatest.append(int(self.now.max()))

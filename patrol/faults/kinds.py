@@ -101,6 +101,7 @@ class Fault(Section):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_options: Any) -> None:
+        # Bases such as `Lasting` have a plain `str` there, and so no arguments.
         for kind in get_args(cls.model_fields["kind"].annotation):
             KINDS[kind] = cls
 
@@ -189,6 +190,8 @@ class Loss(OnLinks):
 
     @model_validator(mode="after")
     def _bursts_can_be_that_long(self) -> Self:
+        # Links are bad for at most b of every b + 1 ticks: each burst of mean length b is followed by a good tick at
+        # least.
         if self.mean_burst is not None and self.rate * (1.0 + self.mean_burst) > self.mean_burst * (1.0 + 1e-12):
             most_lost = self.mean_burst / (1.0 + self.mean_burst)
             limit = f"bursts of {self.mean_burst:g} on average cannot lose more than {most_lost:.4g} of the frames"
@@ -377,6 +380,8 @@ class Open(OnGround):
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
     """Make an entry that changes nothing, for a place that others' draws depend on.
 
+    For example, ``nothing("f2", 10.0, 0.5, "r1")`` is a clock of r1 that is right from 10 to 10.5 s.
+
     It is a clock that is not wrong, from `at` (s) on for one `step` (s).
     """
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
@@ -420,9 +425,9 @@ INSTANT = tuple(kind for kind, model in KINDS.items() if not issubclass(model, L
 def _name_faults(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     """Give those without an id one by their place; no two may have the same."""
     named = [f if f.id is not None else f.model_copy(update={"id": f"f{i}"}) for i, f in enumerate(faults, start=1)]
-    places: dict[str | None, int] = {}
+    first_by_id: dict[str | None, int] = {}
     for index, fault in enumerate(named):
-        if (first_index := places.setdefault(fault.id, index)) != index:
+        if (first_index := first_by_id.setdefault(fault.id, index)) != index:
             raise wrong(f"{index}.id", f"faults.{first_index} has the id {fault.id} too; rename one")
     return tuple(named)
 

@@ -37,12 +37,16 @@ class When:
 
     @property
     def lasting(self) -> dict[str, float]:
-        """Beginning and length, as fields of a fault."""
+        """Beginning and length, as fields of a fault.
+
+        For example, ``{"at": 2.0, "for": 3.0}`` from tick 4 to tick 10 with steps of 0.5 s.
+        """
         return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
 
     def _tick_time_s(self, k: int) -> float:
         """Return a tick's time in s, with few digits where they say the same."""
         time_s = round(k * self.step, 6)
+        # A rounded time may fall to the tick after; then the long number is written.
         return time_s if tick_of(time_s, self.step) == k else k * self.step
 
 
@@ -96,6 +100,7 @@ def draw_fault(draws: Draws, kinds: Sequence[str], robots: RobotsHit, when: When
 
 def _draw_kill(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, when.begin, when.end)
+    # Drawn even if no robot is hit: the number of draws must not depend on the outcome.
     wreck = draws.choice("stays", "removed")
     return [{**when.at, "who": who, "wreck": wreck}, {"kind": "restart", **when.healed, "who": who}] if who else []
 
@@ -133,14 +138,15 @@ def _draw_links(draws: Draws, robots: RobotsHit) -> dict[str, Any]:
 
 def _draw_wait(draws: Draws, when: When) -> dict[str, Any]:
     """Draw delays of some steps."""
-    long = 6.0 * when.step
+    longest_s = 6.0 * when.step
     shape = draws.choice("constant", "uniform", "normal", "exponential")
-    first, second = sorted((draws.between(0.0, long), draws.between(0.0, long)))
+    first, second = sorted((draws.between(0.0, longest_s), draws.between(0.0, longest_s)))
     return {shape: [first, second] if shape in ("uniform", "normal") else second}
 
 
 def _draw_loss(draws: Draws, robots: RobotsHit, when: When) -> Found:
     fault = {**when.lasting, **_draw_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+    # Drawn in any case, so that later draws do not depend on the rate.
     burst = draws.between(1.0, 12.0)
     if fault["rate"] * (1.0 + burst) <= burst and draws.share() < 0.5:
         fault["mean_burst"] = burst
@@ -282,6 +288,8 @@ def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
     """Return the tick at which a nemesis's quiet window begins, and the length of an interval in ticks.
 
     The part of the run before that tick is left for faults.
+
+    For example, (66, 20.0) for 100 ticks of 0.5 s with an interval of 10 s and the usual third of quiet.
     """
     quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
     end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)

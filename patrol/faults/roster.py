@@ -12,12 +12,19 @@ from patrol.values import wrong
 
 
 def tick_of(at: float, step: float) -> int:
-    """Return the first tick that is not before a time; `at` and `step` are in s."""
+    """Return the first tick that is not before a time; `at` and `step` are in s.
+
+    For example, 3 for 1.2 s with steps of 0.5 s.
+    """
+    # Less a little: 0.3 s with steps of 0.1 s are tick 3, although the quotient is a little more than 3.
     return math.ceil(at / step - 1e-9)
 
 
 def ticks_of(lasts: float, step: float) -> int:
-    """Convert a duration (s) to ticks, half a tick rounded up; at least one."""
+    """Convert a duration (s) to ticks, half a tick rounded up; at least one.
+
+    For example, 2 for 1.2 s and 3 for 1.25 s with steps of 0.5 s.
+    """
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
@@ -85,6 +92,7 @@ def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], d
     seed, index, _ = drawing
     where = f"faults.{index}"
     check_name(fault.by, names, f"{where}.by")
+    # It forges in the names of robots that do not exist, whatever its own.
     if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
         return
     numbers = {name: number for number, name in enumerate(names, start=1)}

@@ -93,6 +93,7 @@ def meant(
         return (numbers[who],)
     if who == "all":
         return tuple(sorted(numbers.values()))
+    # Without spares: a fault means the same robots, however many might join.
     fleet = [number for number in numbers.values() if number not in spares]
     return tuple(sorted(in_drawn_order(fleet, drawing)[: size_of(who, len(fleet))]))
 
@@ -100,11 +101,15 @@ def meant(
 def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
     """Sort robots into an order drawn for one field of one fault."""
     seed, index, field = drawing
+    # The number decides between equal draws, which may happen.
     return sorted(numbers, key=lambda number: (draw(seed, Purpose.FAULT, index, field, number), number))
 
 
 def size_of(who: str | Some, robots: int) -> int:
-    """Return the number of robots that a target by size means."""
+    """Return the number of robots that a target by size means.
+
+    For example, of 5 robots a minority is 2, half is 2, and a fraction of 0.5 is 3.
+    """
     if isinstance(who, Some):
         if who.count is not None:
             return who.count

@@ -25,12 +25,17 @@ def planning_radius(radius: float, point: float) -> float:
     """Return the clearance in m that a body needs at the centres of points.
 
     Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
+
+    For example, 0.35 m for a body of 0.3 m on points of 0.1 m.
     """
     return radius + 0.5 * point
 
 
 def needed_level(radius: float, point: float) -> int:
-    """Return the least squared clearance, in half points, at which a body has its planning radius."""
+    """Return the least squared clearance, in half points, at which a body has its planning radius.
+
+    For example, 49 for a body of 0.3 m on points of 0.1 m: 0.35 m are 7 half points.
+    """
     halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
     return max(math.ceil(halves * halves), 1)
 
@@ -55,6 +60,7 @@ def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
 
     Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
     """
+    # Two points beyond what is needed suffice: farther distances need not be told apart.
     needed = needed_level(radius, terrain.point)
     cap = math.ceil(math.sqrt(needed)) // 2 + 2
     return frozen_grid(clearance_levels(terrain.free, cap) >= needed)
@@ -74,6 +80,7 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
 
 def grown(mask: BoolGrid) -> BoolGrid:
     """Return a mask with all eight neighbours of its points."""
+    # First along the columns and then along the rows, so that corners are covered by two plain steps.
     rows = mask.copy()
     rows[1:] |= mask[:-1]
     rows[:-1] |= mask[1:]

@@ -106,6 +106,7 @@ class Rooms:
                 waiting += sides
                 if self.areas[sides].min() < LISTED_AREA or not self.reached[sides].any():
                     continue
+                # Of two sides that are both reached, the smaller one counts as behind the door.
                 far = [side for side in sides if not self.reached[side]] or sides
                 doors.append(self.door(number, float(self.areas[far].min())))
         return sorted(doors, key=lambda door: (door.width, -door.behind, door.x, door.y))
@@ -121,6 +122,7 @@ def _split_rooms(terrain: Terrain, radius: float) -> tuple[NDArray[np.int32], ND
     order = order[: falling_order(flat, np.empty(int(flat.max()) + 2, dtype=np.int32), order)]
     body = needed_level(radius, point)
     room = max(math.ceil(ROOM_AREA / terrain.point_area), 1)
+    # A tree of n rooms has n - 1 doors; the sum bounds the rooms of at least `room` points and those that take a body.
     capacity = 2 * (order.size // room + parts_of(levels >= body)[1] + 1)
     nodes = np.full((capacity, 4), -1, dtype=np.int32)
     size, top, node = (np.empty(flat.size, dtype=np.int32) for _ in range(3))

@@ -82,6 +82,7 @@ def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int,
                 away = math.hypot(cx - x, cy - y) / terrain.point
                 if away <= MARGIN + 0.5 + TOLERANCE:
                     candidates.append((away, r, c))
+    # By distance and then by index, so that equal distances give the same point everywhere.
     for _, r, c in sorted(candidates):
         if _open_line(terrain, x, y, *terrain.centre(r, c)):
             return r, c
@@ -138,6 +139,7 @@ def proxies_of(terrain: Terrain, reach: BoolGrid, sensor_range: float, line_of_s
     shape = terrain.shape
     reached = reach.view(np.uint8)
     proxy = np.full(shape, -1, dtype=np.int32)
+    # One above the limit, so that a point at exactly the range still counts as nearer.
     square = np.full(shape, limit + 1, dtype=np.int32)
     if not line_of_sight:
         wanted = (terrain.passable & ~reach).view(np.uint8)
@@ -149,4 +151,5 @@ def proxies_of(terrain: Terrain, reach: BoolGrid, sensor_range: float, line_of_s
     see_from_reach(passable, reached, limit, now, after, proxy, square)
     work = np.empty(terrain.passable.size, dtype=np.int32)
     see_back(passable, reached, limit, now, after, work, proxy, square)
+    # The kernel's -2 says that a point was looked at; readers only know -1.
     return np.maximum(proxy, -1, out=proxy)

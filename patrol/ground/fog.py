@@ -12,7 +12,7 @@ from patrol.ground.footprint import View
 from patrol.kernels.fog import keep_tracked, observe, observe_each, stalest_row
 
 NEVER = -1
-"""``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
+"""``last_seen`` of a point that no robot has seen yet; its age counts from tick 0."""
 
 AGELESS = 2**31 - 1
 """Last-seen tick of a point that has no age, in what robots believe and in its dilatation."""
@@ -54,6 +54,7 @@ class Fog:
         if self.points == 0:
             raise ValueError("a fog needs at least one patrolled point")
         self.last_seen: NDArray[np.int32] = np.full(patrolled.shape, NEVER, dtype=np.int32)
+        # A bound below all ticks: the first search finds the true one of each row that matters.
         self._oldest: NDArray[np.int32] = np.full(patrolled.shape[0], NEVER, dtype=np.int32)
         self._totals: tuple[int, int] | None = (0, 0)
         self._stalest = (0, 0)
@@ -63,6 +64,7 @@ class Fog:
         """Make a fog that goes on from a copy of another one's last-seen ticks; both have the same points."""
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
+        # They are counted when first asked for: most of these fogs are never asked.
         fog._totals = None
         return fog
 
@@ -90,7 +92,10 @@ class Fog:
         self._totals = None
 
     def mfow(self, tick: int) -> int:
-        """Return the age of the stalest patrolled point (MFoW) at a tick, in ticks."""
+        """Return the age of the stalest patrolled point (MFoW) at a tick, in ticks.
+
+        For example, 6 at tick 10 if the stalest point was last seen at tick 4, and 10 if it was never seen.
+        """
         row = stalest_row(self.last_seen, self.patrolled, self._oldest)
         return tick - max(self._oldest.item(row), 0)
 
@@ -101,13 +106,17 @@ class Fog:
         """
         row = stalest_row(self.last_seen, self.patrolled, self._oldest)
         oldest = self._oldest[row]
+        # The same point as long as it is one of the stalest, so that what follows it does not jump between equals.
         if self.patrolled[self._stalest] == 0 or self.last_seen[self._stalest] != oldest:
             is_stalest = (self.last_seen[row] == oldest) & (self.patrolled[row] != 0)
             self._stalest = row, int(is_stalest.argmax())
         return self._stalest
 
     def mean(self, tick: int) -> float:
-        """Return the patrolled points' mean age at a tick, in ticks."""
+        """Return the patrolled points' mean age at a tick, in ticks.
+
+        For example, at tick 10, two points last seen at tick 4 and never have the mean age 8.
+        """
         return tick - self._count_seen()[0] / self.points
 
     def age(self, tick: int) -> NDArray[np.int32]:

@@ -62,10 +62,13 @@ class View:
         top, left = max(0, -self.row0), max(0, -self.col0)
         part = grid[self.row0 + top : self.row0 + rows, self.col0 + left : self.col0 + cols]
         visible = self.mask[top : top + part.shape[0], left : left + part.shape[1]] != 0
+        # Late frames come after newer ones and must not make a point look older.
         part[visible] = np.maximum(part[visible], tick)
 
     def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int] | None:
         """Cut the window to a terrain.
+
+        For example, a window of 5 by 5 points at (-2, 3) on 10 by 10 points gives (0, 2, 3, 7).
 
         Args:
             shape: The terrain's rows and columns.
@@ -189,6 +192,7 @@ class Footprint:
         Returns:
             The view, shared and read-only.
         """
+        # By the point and not by the place: all places on a point have the same view, so few views are computed.
         row, col = self.terrain.point_at(pose.x, pose.y)
         return self._remembered(row, col, 0.0 if self.all_round else pose.heading)
 

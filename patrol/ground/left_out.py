@@ -60,9 +60,11 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
         return None
     labels, count = parts_of(unseen)
     areas_m2 = np.bincount(labels.reshape(-1), minlength=count + 1) * terrain.point_area
+    # Label 0 is the ground that is seen.
     areas_m2[0] = 0.0
     small = (areas_m2 > 0.0) & (areas_m2 < LEAST_M2)
     if areas_m2[small].sum() < least_m2:
+        # Too little in all: crumbs behind corners.
         small[:] = False
     counted = (areas_m2 >= LEAST_M2) | small
     if not counted.any():

@@ -54,7 +54,10 @@ def mark_ground(
 
 
 def outline(points: BoolGrid, terrain: Terrain) -> NDArray[np.float64]:
-    """Return the straight edges between some points and all others, float64 (n, 4): x and y in m of both ends."""
+    """Return the straight edges between some points and all others, float64 (n, 4): x and y in m of both ends.
+
+    For example, a single point (0, 0) of 1 m gives the four sides of the square from (0, 0) to (1, 1).
+    """
     rims = np.pad(points, 1)
     lines = [(row, *run) for row, runs in _row_runs(rims[1:] != rims[:-1]) for run in runs]
     edges = [(first, row, end, row) for row, first, end in lines]

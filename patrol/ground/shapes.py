@@ -16,12 +16,13 @@ Polygon = Sequence[tuple[float, float]]
 TOLERANCE = 1e-6
 """Overlaps thinner than this (in points) are rounding and do not count."""
 
-TOLERANCE = 1e-6
-"""Overlaps thinner than this (in cells) are rounding and do not count."""
-
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:
-    """Return the points that share some area with a polygon, whose inside is by the even-odd rule."""
+    """Return the points that share some area with a polygon, whose inside is by the even-odd rule.
+
+    For example, the square from (0.5, 0.5) to (1.0, 1.0) m covers one point of 1 m, and one from (0.5, 0.5) to (1.1,
+    1.1) covers four.
+    """
     covered = np.zeros(shape, dtype=np.bool_)
     corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]
     cols = _covered_indices([x for x, _ in corners], shape[1])
@@ -63,10 +64,11 @@ def _paint_polygon(
             near = left + np.flatnonzero((enter_x < leave_y.max()) & (enter_y.min() < leave_x))
             if near.size:
                 part = slice(near[0], near[-1] + 1)
-                here = slice(near[0] - left, near[-1] + 1 - left)
-                enter = np.maximum(enter_x[None, here], enter_y)
-                leave = np.minimum(leave_x[None, here], leave_y)
+                within = slice(near[0] - left, near[-1] + 1 - left)
+                enter = np.maximum(enter_x[None, within], enter_y)
+                leave = np.minimum(leave_x[None, within], leave_y)
                 window[block, part] |= np.maximum(enter, 0.0) < np.minimum(leave, 1.0)
+    # Rows and columns of the bounding box alone: outside of it nothing is covered.
     covered[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1] = window
     return covered
 
@@ -89,6 +91,7 @@ def _row_crossings(
     """Return the rows, as places in `rows`, whose middle an edge crosses, and where, in points."""
     low, high = _reached_range(y0, y1, rows)
     ys = np.asarray(rows[low:high] + 0.5, dtype=np.float64)
+    # Half open, so that a corner in the middle of a row counts for one of its two edges only.
     between = np.flatnonzero((ys >= y0) != (ys >= y1))
     if y0 == y1:
         return between, np.zeros(0)
@@ -115,6 +118,8 @@ def touched_points(
 
     `resolution` is the side of a cell and `point` that of a point, m; either may be the larger one. `start` is x and y
     in m of the corner of point (0, 0) from the corner of cell (0, 0).
+
+    For example, with cells of 0.05 m and points of 0.1 m a point is marked if one of its four cells is.
     """
     # count[r, c] counts the marked cells below row r and left of column c.
     count = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)

@@ -30,6 +30,7 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
     """
     match command:
         case Velocity(vx, vy):
+            # The bearing of no movement would be 0 and turn the robot.
             if vx == 0.0 and vy == 0.0:
                 return pose
             return Pose(pose.x + vx * step, pose.y + vy * step, math.atan2(vy, vx))
@@ -83,6 +84,7 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
             end = advance(pose, command, step)
             share = np.linspace(0.0, 1.0, len(path))[:, None]
             path[:] = (pose.x, pose.y) + share * (end.x - pose.x, end.y - pose.y)
+            # Exactly, for the world moves the body there and the interpolation rounds.
             path[-1] = (end.x, end.y)
         case Drive(speed, curvature):
             kernels.arc_points(path, pose.x, pose.y, pose.heading, speed * step, speed * step * curvature)

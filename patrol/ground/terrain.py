@@ -27,6 +27,8 @@ def whole_points(length: float, point: float) -> int:
     """Return the number of whole points that lie along a length, at most `MAX_POINTS` + 1.
 
     A millionth of a point may be missing.
+
+    For example, 0.3 m hold three points of 0.1 m, although 0.3 / 0.1 is a little less than 3.
     """
     return math.floor(min(length / point + 1e-6, MAX_POINTS + 1.0))
 
@@ -57,6 +59,7 @@ class Terrain:
         keep_out = self.keep_out if self.keep_out.size else np.zeros(passable.shape, dtype=np.bool_)
         if keep_out.shape != passable.shape:
             raise ValueError(f"keep_out is {keep_out.shape}, passable is {passable.shape}")
+        # The class is frozen; the constructor replaces what was given by read-only views.
         object.__setattr__(self, "passable", passable)
         object.__setattr__(self, "keep_out", frozen_grid(keep_out))
 

@@ -31,6 +31,7 @@ def lengths_along(reach: BoolGrid, starts: list[tuple[int, int]], limit: int) ->
     is_open = framed(reach)
     width = is_open.shape[1]
     length = np.full(is_open.shape, FAR, dtype=np.int32)
+    # Without duplicates, which the kernel does not allow, and shifted by the frame.
     flat = np.array([(row + 1) * width + col + 1 for row, col in sorted(set(starts))], dtype=np.int64)
     wave(is_open, flat, -1, limit, length, np.empty((2, is_open.size, 2), dtype=np.int32))
     return length

@@ -38,25 +38,28 @@ def longest_record(robots: int) -> int:
 
 def is_tick(payload: bytes) -> bool:
     """Return True if a record, as this program writes it, is a tick."""
+    # The first byte says how many fields there are; the type is written first.
     return payload[1:11] == _TICK
 
 
 def decode(payload: bytes, robots: int) -> Record:
     """Decode the record in a payload; raise Malformed for bytes that are no record."""
     if is_tick(payload):
-        value = unpack(payload, object_hook=_one_map)
+        fields = unpack(payload, object_hook=_one_map)
     else:
         counted = _Counter()
-        value = unpack(payload, use_list=True, strict_map_key=False, object_hook=counted, list_hook=counted)
-    if type(value) is not dict or type(kind := value.pop("type", None)) is not str or kind not in _KINDS:
+        fields = unpack(payload, use_list=True, strict_map_key=False, object_hook=counted, list_hook=counted)
+    # Without its type, the fields alone are left to check.
+    if type(fields) is not dict or type(kind := fields.pop("type", None)) is not str or kind not in _KINDS:
         raise Malformed("no record of a known type")
     if kind == "tick":
-        _check_links(value, robots)
-    return check(_KINDS[kind], value)
+        _check_links(fields, robots)
+    return check(_KINDS[kind], fields)
 
 
 def _check_links(tick: Mapping[str, Any], robots: int) -> None:
     """Refuse links of other robots, and more links than there can be, each of which takes many times its bytes."""
+    # A frame may be delivered, dropped, copied and delayed to each robot; eight such links for each pair is ample.
     links, link_limit, are_known = 0, min(_LEAST_LINKS + 8 * (robots + 1) ** 2, _MOST_LINKS), True
     try:
         for name in _LINKS:

@@ -61,8 +61,10 @@ class JournalWriter:
     """
 
     def __init__(self, path: Path, header: Header) -> None:
+        # A writer refuses what its reader would take for damage.
         self._longest = longest_record(len(header.robots))
         self._bytes = 0
+        # Unbuffered: each record is one write, so that killing the writer loses nothing.
         self._file = io.FileIO(path, "xb")
         with suppress(OSError):  # not every network drive has locks
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -227,15 +229,18 @@ class _Records:
             raise BadInput(f"{self.path}: is empty, so the run ended before it began; run it again")
         if not magic.startswith(_KIND):
             raise BadInput(f"{self.path}: is not a fogwatch journal; give the folder of a run")
+        # After the kind, so that a journal of another version is called that.
         if magic != MAGIC:
             raise BadInput(f"{self.path}: is a journal of another format, while this version reads format 1; {REMEDY}")
 
     def _read_payloads(self, file: BinaryIO) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
+            # Until the record has proved whole.
             self.truncated = True
             if len(frame) < _FRAME.size:
                 return
             length, checksum = _FRAME.unpack(frame)
+            # A damaged length could ask for gigabytes.
             payload = file.read(length) if length <= self._longest else b""
             if len(payload) != length or zlib.crc32(payload) != checksum:
                 return
@@ -311,9 +316,13 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
 
 
 def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
-    """Group columns as `_group_links` groups rows."""
+    """Group columns as `_group_links` groups rows.
+
+    For example, the links (1, 2, 7) and (1, 3, 7) become (1, 7, "", [2, 3]).
+    """
     if not len(links):
         return []
+    # True where a link begins a new group: it differs from the one before in more than its destination.
     differs = (links.source[1:] != links.source[:-1]) | (links.sequence[1:] != links.sequence[:-1])
     if isinstance(links, Drops):
         differs |= links.cause[1:] != links.cause[:-1]
@@ -333,11 +342,11 @@ def _group_links(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, 
     (1, 3, 7, "") become (1, 7, "", [2, 3]).
     """
     groups: list[tuple[int, int, str, list[int]]] = []
-    last: tuple[int, int, str] | None = None
+    group_key: tuple[int, int, str] | None = None
     destinations: list[int] = []
     for source, destination, sequence, cause in links:
-        if last != (source, sequence, cause):
-            last = (source, sequence, cause)
+        if group_key != (source, sequence, cause):
+            group_key = (source, sequence, cause)
             destinations = []
             groups.append((source, sequence, cause, destinations))
         destinations.append(destination)

@@ -52,6 +52,7 @@ class _Rows(Sequence[Row], Generic[Row]):
     def __getitem__(self, index: int | slice) -> Row | tuple[Row, ...]:
         if isinstance(index, slice):
             return tuple(self._iterate_rows(index))
+        # `or None`: the slice after index -1 would end at 0 and be empty.
         return next(iter(self._iterate_rows(slice(index, index + 1 or None))))
 
     def __iter__(self) -> Iterator[Row]:
@@ -77,7 +78,10 @@ class _Rows(Sequence[Row], Generic[Row]):
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
     def _compute_sequences(self) -> Column:
-        """Return the sequences, where they were not given."""
+        """Return the sequences, where they were not given.
+
+        For example, frames 0 and 1 with the sequences 7 and 9 and links of the frames 0, 0 and 1 give 7, 7 and 9.
+        """
         raise NotImplementedError
 
     def _has_equal_rows(self, other: Any) -> bool:
@@ -115,6 +119,7 @@ class Pairs(NamedTuple):
 
 def pairs_of(frame: Column, source: Column, destination: Column) -> Pairs:
     """Make `Pairs` of its first three columns, which must not change any more."""
+    # Robots' numbers have 16 bits, so two fit side by side and compare like pairs.
     order = source << 16 | destination
     pairs = Pairs(frame, source, destination, destination << 16 | source, bool((order[1:] > order[:-1]).all()))
     for column in pairs[:4]:
@@ -203,6 +208,7 @@ def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     """
     if (links.sequence > MAX_SHORT).any():
         return None
+    # In place after the first step: a large fleet has millions of links.
     places = links.source << 16
     places |= links.destination
     places <<= 32

@@ -166,6 +166,7 @@ def _check_json(value: Any) -> None:
         for key in value:
             if isinstance(value, dict) and type(key) is not str and type(key) is not int:
                 raise ValueError(f"holds a key of type {type(key).__name__}")
+            # A list yields its items and a mapping its keys.
             _check_json(value[key] if isinstance(value, dict) else key)
     elif isinstance(value, float) and not isfinite(value):
         raise ValueError("holds a number that is not finite")
@@ -347,6 +348,7 @@ class Header:
     @property
     def problem(self) -> str:
         """Describe what keeps this from being the header of a run, beyond its types; empty for nothing."""
+        # Readers use a robot's number less one as its row.
         if [robot.number for robot in self.robots] != list(range(1, len(self.robots) + 1)):
             return "robots are not numbered 1, 2, ... in order"
         if round(self.patrolled_area_m2 / self.terrain.point**2) < 1:
@@ -356,6 +358,8 @@ class Header:
 
     def unknown(self, record: Record) -> str:
         """Return what a record says of robots that the run does not have; empty for nothing.
+
+        For example, in a run of 3 robots an event of robot 4 gives "an event of robot 4".
 
         Links are checked when a tick is decoded (`patrol.journal.decode`).
 

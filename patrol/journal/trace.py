@@ -56,10 +56,12 @@ def _pack_deliveries(links: Links) -> bytes:
         return (links.pairs.robots | (links.of_frames << 32)[links.pairs.frame]).astype("<i8", copy=False).tobytes()
     source, destination, sequence = links.source, links.destination, links.sequence
     places = places_of(links)
+    # Nearly always sorted already: asking is far faster than sorting.
     if places is None or (places[1:] < places[:-1]).any():
         order = np.lexsort((sequence, destination, source))
         source, destination, sequence = source[order], destination[order], sequence[order]
     if places is not None:
+        # The least significant bits come first in little-endian: source, destination, sequence.
         words = destination << 16
         words |= source
         words |= sequence << 32

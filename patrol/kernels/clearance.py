@@ -38,6 +38,7 @@ def square_clearance(free, cap, along, clearance):
         since = 0
         for col in range(width - 1, -1, -1):
             since = 0 if free[row, col] == 0 else min(since + 1, cap)
+            # Both passes count from 1 beside a blocked point, so the smaller count is the nearer wall of the two.
             along[row, col] = min(along[row, col], since)
     for row in range(height):
         for col in range(width):
@@ -51,6 +52,7 @@ def square_clearance(free, cap, along, clearance):
                 if row - away < 0 or row + away >= height:
                     best = straight
                     break
+                # 0 where the point straight ahead is itself blocked.
                 aside = min(along[row - away, col], along[row + away, col])
                 sideways = 0 if aside == 0 else (2 * aside - 1) * (2 * aside - 1)
                 best = min(best, straight + sideways)
@@ -61,6 +63,9 @@ def square_clearance(free, cap, along, clearance):
 @njit(types.void(GRID, GRID, int64, int64, SPANS, SPANS), cache=True, nogil=True)
 def nearest(marked, wanted, cap, limit, along, found):
     """The marked point nearest to each wanted point, walls or no walls.
+
+    For example, with marks in columns 0 and 4 of a single row, the point in column 2 gets 0: both are 2 away, and 0 is
+    the lower index.
 
     Args:
         marked: uint8 (h, w), non-zero where marked.
@@ -75,6 +80,7 @@ def nearest(marked, wanted, cap, limit, along, found):
     # Farther than any point that is looked at.
     none = 2 * cap + 2
     for row in range(height):
+        # So far to the left that the offset of a row without a mark is at least `none` and loses every comparison.
         last = -none
         for col in range(width):
             if marked[row, col] != 0:
@@ -84,6 +90,7 @@ def nearest(marked, wanted, cap, limit, along, found):
         for col in range(width - 1, -1, -1):
             if marked[row, col] != 0:
                 ahead = col
+            # Not `<=`: of two marks equally far off, the one to the left has the lower index.
             if ahead - col < -along[row, col]:
                 along[row, col] = ahead - col
     for row in range(height):
@@ -192,6 +199,8 @@ def label_parts(mask, labels, work):
                     c = col + (side == 2) - (side == 3)
                     if r < 0 or r >= height or c < 0 or c >= width:
                         continue
+                    # Numbered when it is put on the list and not when it is taken off it, so no point is listed
+                    # twice.
                     if mask[r, c] != 0 and labels[r, c] == 0:
                         labels[r, c] = parts
                         work[waiting] = r * width + c

@@ -43,10 +43,12 @@ def _cast_quadrant(passable, reach, row, col, quadrant, limit, outward, now, aft
     """
     height, width = passable.shape
     nearest = int64(-1)
+    # The quadrant reaches from slope -1 to slope 1; its borders belong to two quadrants, which does no harm.
     now[0, 0], now[0, 1], now[0, 2], now[0, 3] = -1, 1, 1, 1
     wedges = 1
     depth = 1
     while wedges > 0 and depth * depth <= limit and (outward == 1 or depth * depth <= square[row, col]):
+        # One more, so that a root that is rounded down loses no point; `away` decides exactly.
         widest = int(math.sqrt(limit - depth * depth)) + 1
         coming = 0
         for wedge in range(wedges):
@@ -67,6 +69,7 @@ def _cast_quadrant(passable, reach, row, col, quadrant, limit, outward, now, aft
                 inside = 0 <= r < height and 0 <= c < width
                 is_open = 1 if inside and passable[r, c] != 0 else 0
                 reached = is_open == 1 and reach[r, c] != 0
+                # It casts on its own, so that each cast stays short.
                 if outward == 1 and reached:
                     is_open = 0
                 if is_open == 1:
@@ -80,6 +83,8 @@ def _cast_quadrant(passable, reach, row, col, quadrant, limit, outward, now, aft
                         and across * end_down <= depth * end_up
                     ):
                         if outward == 1:
+                            # Points are cast from in the order of their index, so that of equally near ones the
+                            # lowest stays.
                             if away < square[r, c]:
                                 square[r, c] = away
                                 proxy[r, c] = row * width + col
@@ -152,6 +157,7 @@ def see_back(passable, reach, limit, now, after, work, proxy, square):
     waiting = 0
     for row in range(height):
         for col in range(width):
+            # Points that touch no seen one are not looked at, nor are their neighbours.
             if proxy[row, col] >= 0:
                 work[waiting] = row * width + col
                 waiting += 1
@@ -168,6 +174,7 @@ def see_back(passable, reach, limit, now, after, work, proxy, square):
                     nearest = _cast_quadrant(passable, reach, r, c, quadrant, limit, 0, now, after, proxy, square)
                     if nearest >= 0:
                         proxy[r, c] = nearest
+                # -2 and not -1: looked at, so that it is not looked at again from another neighbour.
                 if proxy[r, c] < 0:
                     proxy[r, c] = -2
                 else:

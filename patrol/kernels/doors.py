@@ -55,7 +55,10 @@ def falling_order(level, counts, order):
 
 @njit(int64(int64, int64, int64, int64), cache=True, nogil=True)
 def _point_beside(at, side, width, count):
-    """The point to the left, to the right, above or below (side 0 to 3) of one of `count`; -1 where there is none."""
+    """The point to the left, to the right, above or below (side 0 to 3) of one of `count`; -1 where there is none.
+
+    For example, in rows of 10, to the right of point 4 is 5, and there is none to the right of 9.
+    """
     col = at % width
     if (side == 0 and col == 0) or (side == 1 and col == width - 1):
         return -1
@@ -95,6 +98,9 @@ def _new_node(nodes, count, room, saddle, first, second):
 def find_doors(level, order, width, body, room, wider, parent, size, top, node, nodes):
     """Build the tree of rooms and doors, in the order of finding.
 
+    For example, two rooms that one corridor joins give three nodes: the two rooms, and the door between them as the
+    last one.
+
     A saddle is a door when both pools hold at least `room` points and are wider than it by the factor `wider` and half
     a point, or when a body that needs the level `body` fits into both and not through the saddle. What has no door is
     one room; what is smaller than `room` and takes no body is left out.
@@ -122,6 +128,7 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
         here = level[cell]
         parent[cell] = cell
         size[cell] = 1
+        # Points come in falling order, so the first one of a pool is its widest.
         top[cell] = cell
         node[cell] = -1
         # Levels are squares of half points: 1.0 is the half point by which pools must be wider.
@@ -135,10 +142,12 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
             b = _find_root(parent, neighbour)
             if a == b:
                 continue
+            # The narrower pool decides: a bulge in a corridor that is hardly wider than the saddle is no room.
             low = min(level[top[a]], level[top[b]])
             is_door = min(size[a], size[b]) >= room and math.sqrt(low) >= high_enough
             # Two pools that hold doors can be joined by a door alone, or one of their trees would be lost.
             is_door = is_door or low >= body > here or (node[a] >= 0 and node[b] >= 0)
+            # Without a door at most one of the two has a tree; -1 stands for none.
             joined = max(node[a], node[b])
             if is_door:
                 if node[a] < 0:
@@ -150,12 +159,14 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
                 joined = count
                 count = _new_node(nodes, count, -1, cell, node[a], node[b])
             root = _join_pools(parent, size, a, b)
+            # The root is that of the larger pool, which need not hold the wider point.
             smaller = b if root == a else a
             node[root] = joined
             if level[top[smaller]] > level[top[root]]:
                 top[root] = top[smaller]
     for rank in range(order.shape[0]):
         cell = int64(order[rank])
+        # Pools that never met a door: closed rooms, and nooks that a body fits into.
         if parent[cell] == cell and node[cell] < 0 and (size[cell] >= room or level[top[cell]] >= body):
             count = _new_node(nodes, count, top[cell], -1, -1, -1)
     return count

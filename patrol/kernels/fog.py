@@ -53,6 +53,7 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
     # So few columns at a time that what they gain fits into the 32 bits that vector instructions add up.
     piece = 2**31 // (tick + 1)
     for i in range(max(0, -row0), min(view.shape[0], height - row0)):
+        # Cut to the grid before, so neither `r` nor a column is negative.
         r = row0 + i
         for begin in range(max(0, -col0), min(view.shape[1], width - col0), piece):
             end = min(begin + piece, view.shape[1], width - col0)
@@ -61,16 +62,16 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
             ticks = last_seen[r, col0 + begin : col0 + end]
             gain, new_points = np.int32(0), np.int32(0)
             for j in range(in_view.size):
-                old = ticks[j]
-                new = now
+                seen_before = ticks[j]
+                seen_after = now
                 if quality is not None:
-                    new = np.int32(tick - int((tick - max(old, _ZERO)) * (1.0 - quality[i, begin + j])))
+                    seen_after = np.int32(tick - int((tick - max(seen_before, _ZERO)) * (1.0 - quality[i, begin + j])))
                 # A selection without a branch, which the compiler can turn into vector code.
-                new = max(old, new) if in_view[j] & counts[j] != 0 else old
-                ticks[j] = new
-                gain = np.int32(gain + np.int32(max(new, _ZERO) - max(old, _ZERO)))
+                seen_after = max(seen_before, seen_after) if in_view[j] & counts[j] != 0 else seen_before
+                ticks[j] = seen_after
+                gain = np.int32(gain + np.int32(max(seen_after, _ZERO) - max(seen_before, _ZERO)))
                 # A shift gives the sign, -1 or 0, so the difference is 1 where a point is first seen.
-                new_points = np.int32(new_points + np.int32(np.int32(new >> 31) - np.int32(old >> 31)))
+                new_points = np.int32(new_points + np.int32(np.int32(seen_after >> 31) - np.int32(seen_before >> 31)))
             gained += int(gain)
             first += int(new_points)
     return gained, first
@@ -88,6 +89,7 @@ def keep_tracked(views, tracked, rows, cols):
     """
     height, width = tracked.shape
     for k in range(views.shape[0]):
+        # A view that lies beside the grid gives an empty range and not a negative one.
         begin = max(0, -cols[k])
         end = max(begin, min(views.shape[2], width - cols[k]))
         for i in range(max(0, -rows[k]), min(views.shape[1], height - rows[k])):
@@ -126,6 +128,9 @@ def observe_each(last_seen, views, rows, cols, ticks, chosen):
 def stalest_row(last_seen, tracked, oldest):
     """Find a row that holds one of the tracked points that were not seen for longest.
 
+    For example, with bounds 3, 5 and 4, row 0 is read first. If its stalest point was seen at 6, its bound becomes 6
+    and row 2 is next.
+
     Only a row that might hold one is looked at: most others are known to have been seen later.
 
     Args:
@@ -145,4 +150,5 @@ def stalest_row(last_seen, tracked, oldest):
         # The least bound of all is exact, so no other row can hold an older point.
         if earliest == oldest[row]:
             return row
+        # Bounds only rise, up to the stalest point of their row, so the search ends.
         oldest[row] = earliest

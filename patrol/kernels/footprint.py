@@ -50,12 +50,14 @@ def cast(passable, row, col, radius, view, row0, col0):
     # At least the square of the reach, or the farthest line would have no width: the root of a negative number.
     limit = max(radius * radius + 1e-9, float64(reach * reach))
     # Wedges of the current and of the next line: start and end slope as numerator and denominator.
+    # A line has at most 2 * reach + 3 points, and between two wedges lies at least one of them.
     now = [(0, 0, 0, 0)] * (4 * reach + 8)
     after = [(0, 0, 0, 0)] * (4 * reach + 8)
     for quadrant in range(4):
         # A line lies `depth` away; along it `across` runs over the grid's points, from `least` to `most`.
         ahead = 1 if quadrant % 2 == 0 else -1
         if quadrant < 2:
+            # Quadrants 0 and 1 go along rows, 2 and 3 along columns; strides let all four share one loop.
             deepest = height - 1 - row if ahead == 1 else row
             lowest, highest = -col, width - 1 - col
             outward, along, view_outward, view_along = ahead * width, 1, ahead * across_view, 1

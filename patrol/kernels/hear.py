@@ -109,6 +109,9 @@ def _is_beyond(x, y, from_x, from_y, reach):
 def _why_implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_ticks, span):
     """Return why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
 
+    For example, at 1 m/s and 0.5 s per tick, a frame that comes 4 ticks and 4 sequences after the earlier one may lie
+    2.52 m from it: 2 s and one tick of driving, and 2 cm for rounding.
+
     The time that the sender had is the time between the arrivals and, where the earlier frame was delayed, what the
     sequences say on top: its delay, beyond the least of its sender's frames so far, shows in its sequence.
     """
@@ -148,13 +151,16 @@ def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
         wrong = OLD if outdated else _why_implausible(frame, *last, tick, step, speed, knows_ticks, span)
         if wrong != 0:
             agrees = cell.doubts > 0 and number > cell.doubt_sequence
+            # A jump is believed if the frames after it agree with each other, whatever the newest accepted one says.
             if agrees:
                 doubt = (cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y, cell.start)
                 agrees = _why_implausible(frame, *doubt, tick, step, speed, knows_ticks, span) == 0
+            # The doubts begin anew with this frame when it does not fit the ones before.
             cell.doubts = cell.doubts + 1 if agrees else 1
             cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y = number, tick, frame.x, frame.y
             if cell.doubts < _STEADY:
                 return wrong
+        # Without the fleet's ticks, enough frames that agree with each other show that the sender has started anew.
         begins = outdated
     newer = np.uint64(-ago)
     # Also keeps the shifts below 64, where their result is not defined.
@@ -181,11 +187,13 @@ def _judge_contact(row, frame, tick, step):
     for column in range(row.size):
         cell = row[column]
         if cell.sequence != NOTHING:
+            # 0 if a robot that was last heard then had gone on sending one sequence per tick.
             lead = frame.sequence - cell.sequence - (tick * step - cell.at * step) / step
             if abs(lead) < abs(nearest):
                 nearest = lead
     if nearest == math.inf:
         return UNKNOWN
+    # A contact bears no sender's name; a replayed one is refused because no robot's sequence is near its own.
     if abs(nearest) > _SLACK:
         return AHEAD if nearest > 0.0 else OLD
     return ACCEPTED
@@ -253,6 +261,7 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
                         if back > min(then, frame.sequence) or ago + back >= span:
                             break
                         # A look counts once, however often it is told of: with quality below 1 ages would change.
+                        # Unsigned: a signed shift by 63 would give a negative number.
                         bit = _ONE << np.uint64(ago + back)
                         if not cell.looks & bit:
                             cell.looks |= bit
@@ -261,6 +270,7 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
                         since[m, f] = tick - then
                         news |= THEN
                     looks[m, f] = news
+                    # Bit 0 alone is a look of now; any other bit, `THEN` included, is of an earlier tick.
                     past |= news > 1
             fate[m, f] = kind
             if kind != ACCEPTED:
@@ -273,6 +283,9 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
 )
 def columns_heard(row, names, since, per_m, numbers, sequences, ticks, places):
     """Put together in columns the robots that a listener has heard since a tick.
+
+    For example, since tick 90, a sender that was heard at ticks 80 and 95 counts with its place at 95, and one heard
+    last at 89 does not count.
 
     Args:
         row: CELL (s,), the listener's.

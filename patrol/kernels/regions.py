@@ -26,6 +26,9 @@ EDGE = 1e-6
 def fill(polygon, number, mask, labels):
     """Number the points whose centres lie in or on a convex polygon and that have no number yet.
 
+    For example, the square with the corners (0, 0) and (2, 2) holds four points; one from (0.6, 0.6) to (2, 2) holds
+    only (1, 1).
+
     Args:
         polygon: float64 (k, 2), in points.
         number: To give.
@@ -33,6 +36,7 @@ def fill(polygon, number, mask, labels):
         labels: int32 (h, w), -1 where there is no number.
     """
     corners = polygon.shape[0]
+    # A row's centre is half a point above its lower edge, hence the 0.5 here and below.
     low, high = polygon[0, 1], polygon[0, 1]
     for k in range(corners):
         low, high = min(low, polygon[k, 1]), max(high, polygon[k, 1])
@@ -45,6 +49,8 @@ def fill(polygon, number, mask, labels):
         for k in range(corners):
             m = k + 1 if k + 1 < corners else 0
             x0, y0, x1, y1 = polygon[k, 0], polygon[k, 1], polygon[m, 0], polygon[m, 1]
+            # Only edges that cross the row's centre line bound it. A level edge counts with its first corner; its
+            # neighbours give the other.
             if min(y0, y1) <= y <= max(y0, y1):
                 share = (y - y0) / (y1 - y0) if y1 != y0 else 0.0
                 x = x0 + share * (x1 - x0)
@@ -52,6 +58,7 @@ def fill(polygon, number, mask, labels):
         begin = int64(max(math.ceil(left - 0.5 - EDGE), 0))
         end = int64(min(math.floor(right - 0.5 + EDGE), mask.shape[1] - 1))
         for col in range(begin, end + 1):
+            # The first region wins a point on an edge that two regions share.
             if mask[row, col] != 0 and labels[row, col] < 0:
                 labels[row, col] = number
 
@@ -59,6 +66,8 @@ def fill(polygon, number, mask, labels):
 @njit(int64(MASK, int64, LABELS, LIST), cache=True, nogil=True)
 def spread(mask, rounds, labels, work):
     """Give points of the mask without a number that of a neighbour (of four), nearest first.
+
+    For example, with two rounds, numbers 7 and 8 at the ends of a row of six points become 7, 7, 7, 8, 8, 8.
 
     Args:
         mask: uint8 (h, w).
@@ -134,6 +143,7 @@ def split_parts(body, labels, parts, work):
                     c = col + (side == 2) - (side == 3)
                     if r < 0 or r >= height or c < 0 or c >= width or body[r, c] == 0 or parts[r, c] >= 0:
                         continue
+                    # Parts end at the border of their region, even where a body could go on.
                     if labels[r, c] == labels[row, col]:
                         parts[r, c] = count
                         work[waiting] = r * width + c

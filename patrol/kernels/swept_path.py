@@ -66,7 +66,10 @@ def _squared_distance(x, y, left, low, right, high):
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _entry_into_box(x0, y0, dx, dy, left, low, right, high):
-    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open rectangle; 2 for never."""
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open rectangle; 2 for never.
+
+    For example, 0.25 for a move of 4 m towards a rectangle 1 m ahead.
+    """
     first, last = 0.0, 1.0
     if dx != 0.0:
         a, b = (left - x0) / dx, (right - x0) / dx
@@ -83,11 +86,15 @@ def _entry_into_box(x0, y0, dx, dy, left, low, right, high):
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):
-    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open circle; 2 for never."""
+    """Fraction in [0, 1] at which the move (dx, dy) from (x0, y0) enters the open circle; 2 for never.
+
+    For example, 0.5 for a move of 4 m towards the centre of a circle of 1 m that is 3 m ahead.
+    """
     a = dx * dx + dy * dy
     b = (x0 - cx) * dx + (y0 - cy) * dy
     c = (x0 - cx) ** 2 + (y0 - cy) ** 2 - radius * radius
     root = b * b - a * c
+    # A line that only touches the circle has a root of 0 and does not enter it.
     if a == 0.0 or root <= 0.0:
         return 2.0
     root = math.sqrt(root)
@@ -129,11 +136,15 @@ def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):
 
 @njit(_F(_F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _free_of_edge(a0, da, lowest, highest):
-    """Largest fraction in [0, 1] of a move by `da` from `a0` that stays in [lowest, highest] on one axis."""
+    """Largest fraction in [0, 1] of a move by `da` from `a0` that stays in [lowest, highest] on one axis.
+
+    For example, 0.5 for a move by -2 m from 1 m, with the lowest at 0 m.
+    """
     if da < 0.0 and a0 + da < lowest - TOLERANCE:
         return max((lowest - a0) / da, 0.0)
     if da > 0.0 and a0 + da > highest + TOLERANCE:
         return max((highest - a0) / da, 0.0)
+    # A body outside that does not move along this axis is stuck unless it moves inwards along it.
     if da == 0.0 and (a0 < lowest - TOLERANCE or a0 > highest + TOLERANCE):
         return 0.0
     return 1.0
@@ -175,6 +186,7 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
         first, last = 0.0, 1.0
         if dy != 0.0:
             a, b = (low - reach - y0) / dy, (high + reach - y0) / dy
+            # The part of the move during which the disc touches this row; only columns near that part are looked at.
             first = min(max(min(a, b), 0.0), 1.0)
             last = min(max(max(a, b), 0.0), 1.0)
         xa, xb = x0 + first * dx, x0 + last * dx
@@ -292,6 +304,7 @@ def free_arc(blocked, point, ox, oy, x, y, heading, distance, turn, radius):
     reach = radius + SAGITTA + 0.7072 * point
     x_min, x_max, y_min, y_max = x, x, y, y
     for i in range(1, path.shape[0]):
+        # The box of the chords' ends, since an arc may bulge beyond the box of its two ends.
         x_min, x_max = min(x_min, path[i, 0]), max(x_max, path[i, 0])
         y_min, y_max = min(y_min, path[i, 1]), max(y_max, path[i, 1])
     low_row = max(math.floor((y_min - radius - oy) / point), 0)

@@ -31,6 +31,8 @@ def shorten(lengths, tour):
     while better:
         better = False
         for i in range(n - 2):
+            # The edge from the last place back to the first borders on the one from place 0, so it is no partner for
+            # it.
             for j in range(i + 2, n - (i == 0)):
                 a, b, c, d = tour[i], tour[i + 1], tour[j], tour[(j + 1) % n]
                 if lengths[a, c] + lengths[b, d] < lengths[a, b] + lengths[c, d]:
@@ -45,6 +47,7 @@ def shorten(lengths, tour):
                 before, after = tour[(i - 1) % n], tour[(i + size) % n]
                 first, last = tour[i], tour[(i + size - 1) % n]
                 gain = lengths[before, first] + lengths[last, after] - lengths[before, after]
+                # 0, so that a move that keeps the length is none: the loop would not end.
                 best, position, turned = 0, -1, False
                 for k in range(size, n - 1):  # the edge from place i + k to the next
                     a, b = tour[(i + k) % n], tour[(i + k + 1) % n]

@@ -28,6 +28,9 @@ FAR = 2**31 - 1
 def wave(is_open, starts, stop, limit, length, queues):
     """Find the lengths of the shortest ways from the nearest of several points.
 
+    For example, a point two columns and one row away on open ground has the length 241: one straight step and one
+    diagonal.
+
     Two first-in first-out queues, one per step cost, each stay sorted by length (see the wave of the robots' planning).
 
     Args:
@@ -55,6 +58,7 @@ def wave(is_open, starts, stop, limit, length, queues):
     while straight_head < straight_tail or diagonal_head < diagonal_tail:
         by_diagonal = straight_head >= straight_tail
         if not by_diagonal and diagonal_head < diagonal_tail:
+            # At equal lengths either may come first: lengths do not depend on it.
             by_diagonal = diagonal[diagonal_head, 1] <= straight[straight_head, 1]
         if by_diagonal:
             here, far = diagonal[diagonal_head, 0], diagonal[diagonal_head, 1]
@@ -94,6 +98,7 @@ def forget(length, queues, used):
     """
     lengths = length.ravel()
     for entry in range(used[0]):
+        # Only what was entered: far faster than the whole grid where a wave stopped early.
         lengths[queues[0, entry, 0]] = FAR
     for entry in range(used[1]):
         lengths[queues[1, entry, 0]] = FAR
@@ -127,6 +132,7 @@ def lengths_between(is_open, places, limit, lengths):
     for by in range(places.size):
         for first in range(places.size):
             to = lengths[first, by]
+            # FAR is a mark and not a length: a sum with it would mean nothing.
             if to == FAR:
                 continue
             for last in range(places.size):
@@ -208,6 +214,7 @@ def corners(is_open, first, last, length, way):
                 continue
             before, here = here, ahead
             break
+        # The point before is the last that the corner before still sees.
         if not is_clear(is_open, way[count - 1], here):
             way[count] = before
             count += 1
@@ -236,6 +243,7 @@ def way_between(is_open, first, last, length, queues, way):
     way[0], way[1] = first, last
     if is_clear(is_open, first, last):
         return 2
+    # From the end, since `corners` follows falling lengths and then gives the way in driving order.
     used = wave(is_open, np.array([last]), first, FAR, length, queues)
     count = 0
     if length.ravel()[first] != FAR:

@@ -55,7 +55,8 @@ def _box_polygon(left: float, low: float, right: float, high: float) -> Polygon:
 
 def _tank_polygon(x: float, y: float, radius: float) -> Polygon:
     """Return a round tank as an octagon."""
-    turns = [math.pi * (2 * i + 1) / 8 for i in range(8)]
+    # Odd eighths of half a circle, so that the octagon has sides along the axes.
+    turns = [math.pi * (2 * corner + 1) / 8 for corner in range(8)]
     return tuple((x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns)
 
 

@@ -89,6 +89,7 @@ class MapImage:
 
 def free_levels(says: MapFile) -> Levels:
     """Return the greys that are free, bool (256,)."""
+    # In 32 bits, as nav2 compares them: grey 205 lies just at a common threshold.
     return occupancy_of(says) <= np.float32(says.free_thresh)
 
 
@@ -99,7 +100,11 @@ def occupied_levels(says: MapFile) -> Levels:
 
 
 def occupancy_of(says: MapFile) -> NDArray[np.float32]:
-    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw."""
+    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw.
+
+    For example, in mode trinary grey 0 (black) has the occupancy 1 and grey 255 (white) 0; with negate it is the other
+    way round.
+    """
     greys = np.arange(LEVELS, dtype=np.float32)
     if says.mode == "raw":
         return np.where(greys <= 100.0, greys / np.float32(100.0), np.float32(np.inf))
@@ -126,6 +131,7 @@ def marked_cells(says: MapFile) -> BoolGrid:
     elif says.mode == "scale":
         free, occupied = np.float32(says.free_thresh), np.float32(says.occupied_thresh)
         between = (occupancy > free) & (occupancy < occupied)
+        # Half of 1 in 100 rounds up to the 1 from which on a cell is marked.
         marked |= between & (np.float32(100.0) * (occupancy - free) >= np.float32(0.5) * (occupied - free))
     return read_image(says).cells(marked)
 
@@ -151,6 +157,7 @@ def single_unknown_cells(image: MapImage, says: MapFile) -> BoolGrid:
     runs = np.count_nonzero(is_free & ~np.roll(is_free, 1, axis=0), axis=0)
     alone = ~np.logical_or.reduce([unknown[window] for window in ring]) & ((runs == 1) | is_free.all(axis=0))
     specks = np.zeros(free.shape, dtype=np.bool_)
+    # Free cells in one run, or all around: no wall leads through the cell.
     specks[rows[alone], columns[alone]] = True
     return specks
 
@@ -279,9 +286,13 @@ def _pixels_of(image: Image.Image, where: str) -> MapImage:
 
 
 def _grey_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the grey of colours as GraphicsMagick computes it: rounded to 16 bits, then cut to 8."""
+    """Return the grey of colours as GraphicsMagick computes it: rounded to 16 bits, then cut to 8.
+
+    For example, pure red is grey 76, pure green 149 and pure blue 29.
+    """
     greys = np.empty(pixels.shape[:2], dtype=np.uint8)
     for first in range(0, len(pixels), BLOCK):
+        # int32: the sum below comes to 66 million for white.
         red, green, blue = np.moveaxis(pixels[first : first + BLOCK, :, :3].astype(np.int32), -1, 0)
         level = (A_GREY * (299 * red + 587 * green + 114 * blue) + 500) // 1000
         greys[first : first + BLOCK] = level // A_GREY
@@ -292,6 +303,7 @@ def _grey_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _any_size() -> Iterator[None]:
     """Let MAX_CELLS judge the size of images in place of Pillow's own limit, which is smaller."""
     limit = Image.MAX_IMAGE_PIXELS
+    # The limit is a global of Pillow's, so it is set back whatever happens.
     Image.MAX_IMAGE_PIXELS = None
     try:
         yield

@@ -227,6 +227,7 @@ class _Ground:
         """Share of the cells at the image's border that are free."""
         free = free_levels(self.says)[_border_of(self.image.greys)]
         if self.image.opaque is not None:
+            # A transparent pixel is unknown, whatever colour it has.
             free &= _border_of(self.image.opaque)
         return float(np.mean(free))
 
@@ -246,6 +247,7 @@ def _is_inverted(now: _Ground, negated: _Ground) -> bool:
     since drawings have walls in any grey. Savers write no `negate: 1`, so where it is set, less is needed: that grey,
     or free ground all around one piece that is occupied.
     """
+    # Whatever speaks against the reading, its opposite must show a floor.
     if negated.share <= NEARLY_NOTHING or negated.core < BROAD:
         return False
     is_mostly_lines = now.core < 0.5 or (now.core < BROAD and now.share < NEARLY_NOTHING)

@@ -31,6 +31,7 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
         return f"{why}; as it is, the largest radius that fits is {largest_m:g} m" if largest_m >= LEAST_RADIUS else why
     remedies = _finer_points(largest_m + 0.5 * terrain.point - radius, radius, terrain.point)
+    # Only without other advice: to read the map again on finer points takes seconds.
     remedies = remedies or finer_points_where(terrain, radius, lambda finer: bool(cspace_of(finer, radius).any()))
     if largest_m >= LEAST_RADIUS:
         remedies.append(f"a radius of at most {largest_m:g} m")
@@ -100,6 +101,7 @@ def largest_radius(terrain: Terrain) -> float:
 
 
 def _floor_hundredths(length: float) -> float:
+    # the millionth: 100 times 0.29 is a little less than 29 in binary
     return max(math.floor(100.0 * length + 1e-6) / 100.0, 0.0)
 
 
@@ -138,6 +140,9 @@ def _smaller_point(point: float) -> str:
 
 
 def _nice_length(length: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that is not above a length."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above a length.
+
+    For example, 0.05 for 0.07, and 0.2 for 0.3.
+    """
     power = 10.0 ** math.floor(math.log10(length))
     return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= length * (1.0 + 1e-9))

@@ -111,6 +111,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
         if why := wrong_settings(says, image):
             raise BadInput(f"{where}: {why}")
         raise BadInput(f"{where}; the free space is too narrow, choose a smaller point")
+    # Only the last one: a large map takes tens of megabytes.
     _LAST.clear()
     _LAST[key] = passable
     return Terrain(printable(path.stem), passable, point, says.corner(rows, columns), source=path)
@@ -123,6 +124,7 @@ def _passable_points(image: MapImage, says: MapFile, point: float, shape: tuple[
     rows = max(int(CELLS_AT_ONCE / cells_a_row), 1)
     for first in range(0, shape[0], rows):
         strip = passable[first : first + rows]
+        # A row of cells more on each side: whether an unknown cell is single depends on its neighbours.
         low = max(math.floor(first * point / says.resolution) - 1, 0)
         after = math.ceil((first + len(strip)) * point / says.resolution) + 1
         cells = image.rows(low, after)

@@ -52,7 +52,10 @@ class MapFile:
 
     @property
     def turns(self) -> int:
-        """Quarter turns of the image, anticlockwise, 0 to 3."""
+        """Quarter turns of the image, anticlockwise, 0 to 3.
+
+        For example, 1 for a yaw of 1.57, and 3 for -1.57.
+        """
         return round(self.yaw / QUARTER) % 4
 
     @property
@@ -61,8 +64,13 @@ class MapFile:
         return math.remainder(self.yaw, QUARTER)
 
     def corner(self, rows: int, columns: int) -> tuple[float, float]:
-        """Return x and y (m) of the lower left corner of the turned image, which has so many rows and columns."""
+        """Return x and y (m) of the lower left corner of the turned image, which has so many rows and columns.
+
+        For example, an image of 40 rows after one quarter turn, of 100 columns, with cells of 0.05 m and its origin at
+        (10, 5), begins at (5, 5).
+        """
         x, y = self.origin
+        # The image turns about its own corner, so that after one or two quarters it lies to the left of it.
         left = columns * self.resolution if self.turns in (1, 2) else 0.0
         return x - left, y - (rows * self.resolution if self.turns in (2, 3) else 0.0)
 
@@ -184,6 +192,7 @@ def _number_of(path: Path, says: Mapping[str, Any], key: str, what: str) -> floa
 
 def _check_finite(path: Path, key: str, value: Any, what: str) -> float:
     try:
+        # Python takes True for 1, and YAML reads "yes" as True.
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
@@ -194,16 +203,16 @@ def _check_finite(path: Path, key: str, value: Any, what: str) -> float:
 
 def _read_origin(path: Path, says: Mapping[str, Any]) -> list[float]:
     expected = "[x, y, yaw] in m and rad of the lower left corner"
-    value = _value_of(path, says, "origin", expected)
-    if not isinstance(value, list) or len(value) != 3:
-        raise BadInput(f"{path}: origin = {quoted(value)}: expected {expected}")
-    return [_check_finite(path, "origin", part, expected) for part in value]
+    origin = _value_of(path, says, "origin", expected)
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise BadInput(f"{path}: origin = {quoted(origin)}: expected {expected}")
+    return [_check_finite(path, "origin", part, expected) for part in origin]
 
 
 def _read_negate(path: Path, says: Mapping[str, Any]) -> bool:
-    value = _value_of(path, says, "negate", "0 or 1")
+    negate = _value_of(path, says, "negate", "0 or 1")
     words = {"0": False, "false": False, "no": False, "off": False, "1": True, "true": True, "yes": True, "on": True}
-    word = str(value).lower()
+    word = str(negate).lower()
     if word not in words:
-        raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")
+        raise BadInput(f"{path}: negate = {quoted(negate)}: expected 0, 1, true or false")
     return words[word]

@@ -26,12 +26,16 @@ class Share:
     frame: int  # bytes of the longest frame
 
     def cost(self, length: int) -> int:
-        """Return the bits on the air of a frame of `length` bytes."""
+        """Return the bits on the air of a frame of `length` bytes.
+
+        For example, 28 bytes with an overhead of 12 cost 320 bits.
+        """
         return BITS * (length + self.overhead)
 
     @property
     def earns_frame_in(self) -> int:
         """Ticks in which a robot that has nothing earns the longest frame."""
+        # Less a little, so that a quotient that is whole but for rounding does not count as one tick more.
         return math.ceil(self.cost(self.frame) / self.per_tick - 1e-9)
 
     @property
@@ -50,18 +54,23 @@ class Allowance:
         self._k: int | None = None
 
     def earn(self, k: int) -> None:
-        """Earn until tick `k`, which grows each time; ticks left out, such as those of a pause, count as well."""
+        """Earn until tick `k`, which grows each time; ticks left out, such as those of a pause, count as well.
+
+        For example, at 100 bits per tick, calls with ticks 3 and 7 earn 400 bits: the first one only sets the clock.
+        """
         ticks = 0 if self._k is None else k - self._k
         self._bits = min(self._bits + ticks * self._share.per_tick, self._share.most)
         self._k = k
 
     def suffices(self, lengths: Iterable[int]) -> bool:
         """Return True if frames of these lengths, in bytes, may all be sent, or there is no use in waiting."""
+        # More than can be saved up is never reached: then waiting would be of no use.
         return self._bits + _ROUNDING >= min(sum(map(self._share.cost, lengths)), self._share.most)
 
     def take(self, length: int) -> bool:
         """Use bits for a frame of `length` bytes; return False, and use none, where it may not be sent."""
         cost = self._share.cost(length)
+        # Sums of shares carry rounding, which must not hold a frame back for a tick.
         if length > self._share.frame or cost > self._bits + _ROUNDING:
             return False
         self._bits -= cost

@@ -294,7 +294,10 @@ _FIELDS = 1 + len(FIELDS)
 
 
 def _longest_bytes(field: WireField) -> int:
-    """Return the most bytes that a number of a field can have in msgpack."""
+    """Return the most bytes that a number of a field can have in msgpack.
+
+    For example, 2 for a number from 0 to 255, and 3 for a robot's number.
+    """
     return max(len(_pack_value(number)) for number in (field.least, field.most))
 
 
@@ -351,6 +354,7 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
         body.append([delta for step in position.trail for delta in step])
     if key is None:
         return _pack_value(body)
+    # Packed with room for the tag, so that the array's header already counts it: the tag covers the header too.
     untagged = _pack_value([*body, bytes(TAG_BYTES)])[:-_TAG_LENGTH]
     return untagged + _TAG_HEADER + _frame_tag(untagged, key)
 
@@ -371,18 +375,19 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
         ValueError: For a key of another length.
     """
     _check_key(key)
-    values = _unpack_frame(frame)
-    if values[0] != VERSION:
-        raise Rejected(RejectReason.VERSION, f"version {values[0]}, this is version {VERSION}")
-    tagged = type(values[-1]) is bytes
-    trail_values = values[_FIELDS : len(values) - tagged]
-    if len(values) < _FIELDS + tagged or len(trail_values) > 1:
+    numbers = _unpack_frame(frame)
+    if numbers[0] != VERSION:
+        raise Rejected(RejectReason.VERSION, f"version {numbers[0]}, this is version {VERSION}")
+    tagged = type(numbers[-1]) is bytes
+    trail_values = numbers[_FIELDS : len(numbers) - tagged]
+    if len(numbers) < _FIELDS + tagged or len(trail_values) > 1:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
         trail = _pair_trail(trail_values[0]) if trail_values else ()
-        position = Position(*values[1:_FIELDS], trail=trail)  # type: ignore[misc]  # as many numbers as fields
+        position = Position(*numbers[1:_FIELDS], trail=trail)  # type: ignore[misc]  # as many numbers as fields
     except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None
+    # msgpack also has longer headers; the place of the tag is counted with the shortest.
     if tagged and frame[-_TAG_LENGTH:-TAG_BYTES] != _TAG_HEADER:
         raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {TAG_BYTES} bytes")
     if key is not None and not (tagged and _is_genuine(frame, key)):
@@ -397,15 +402,16 @@ def _pack_value(value: object) -> bytes:
 
 def _unpack_frame(frame: bytes) -> list[Any]:
     """Unpack the frame's outermost array, its first value an int."""
+    # Before unpacking, which costs time by the length of what a stranger sends.
     if len(frame) > MAX_FRAME:
         raise Rejected(RejectReason.MALFORMED, f"{len(frame)} bytes, at most {MAX_FRAME} are allowed")
     try:
-        values = msgpack.unpackb(frame, raw=False, strict_map_key=True, ext_hook=_no_extension)
+        array = msgpack.unpackb(frame, raw=False, strict_map_key=True, ext_hook=_no_extension)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
         raise Rejected(RejectReason.MALFORMED, f"not msgpack ({type(error).__name__})") from None
-    if type(values) is not list or not values or type(values[0]) is not int:
+    if type(array) is not list or not array or type(array[0]) is not int:
         raise Rejected(RejectReason.MALFORMED, "not an array that begins with a version")
-    return values
+    return array
 
 
 def _no_extension(code: int, _data: bytes) -> object:
@@ -432,8 +438,12 @@ def _check_key(key: bytes | None) -> None:
 
 
 def _round_pose(pose: Pose) -> tuple[int, int, int]:
-    """Round x and y to cm and the heading to mrad, the latter round the circle of 6283.185 mrad."""
+    """Round x and y to cm and the heading to mrad, the latter round the circle of 6283.185 mrad.
+
+    For example, a heading of -0.00005 rad, which is nearer to a whole turn than to 6283 mrad, becomes 0.
+    """
     try:
+        # Python's remainder has the sign of the divisor, so a negative heading comes out in [0, 2 pi).
         mrad = pose.heading % TAU * MRAD_PER_RAD
         return round(pose.x * CM_PER_M), round(pose.y * CM_PER_M), 0 if mrad > _NEARER_TO_ZERO else round(mrad)
     except (OverflowError, ValueError):  # an infinity has no nearest integer, and NaN neither

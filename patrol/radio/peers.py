@@ -61,7 +61,11 @@ _POINT = 1e-6
 
 
 def go_on(terrain: Terrain, start: Pose, moved: tuple[float, float], ahead: float) -> Pose:
-    """Return the pose after `ahead` more of a movement (x and y in m), or at the first wall."""
+    """Return the pose after `ahead` more of a movement (x and y in m), or at the first wall.
+
+    For example, three more movements of (0.5, 0.0) from (1, 1) lead to (2.5, 1), and to (1.75, 1) with a wall at x =
+    1.75.
+    """
     end = Pose(start.x + ahead * moved[0], start.y + ahead * moved[1], start.heading)
     share = free_fraction(terrain, start, end, _POINT)
     return Pose(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y), start.heading)
@@ -89,6 +93,7 @@ class Predictor:
         if not last.trail or ticks <= 0:
             return start
         back_x, back_y = last.trail[0]
+        # A trail's step takes `trail_every` ticks.
         ahead = min(ticks, self._horizon) / self._trail_every
         return go_on(self._terrain, start, (-cm_to_m(back_x), -cm_to_m(back_y)), ahead)
 

@@ -12,7 +12,10 @@ FLAT = 1e-9
 
 
 def area(polygon: NDArray[np.float64] | NDArray[np.int64]) -> float:
-    """Return the signed area of any polygon, (k, 2): positive where it runs counter-clockwise."""
+    """Return the signed area of any polygon, (k, 2): positive where it runs counter-clockwise.
+
+    For example, the square (0, 0), (0, 1), (1, 1), (1, 0) runs clockwise and has the area -1.
+    """
     ahead = np.roll(polygon, -1, axis=0)
     return 0.5 * float(np.sum(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]))
 
@@ -49,6 +52,7 @@ def outward(polygon: Floats) -> tuple[Floats, Floats]:
     """
     sides = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+    # A side of length 0 has a normal of 0 and so bounds nothing.
     normals /= np.maximum(np.hypot(*sides.T), 1e-300)[:, None]
     return normals, np.einsum("ij,ij->i", normals, polygon)
 
@@ -61,12 +65,17 @@ def overlap(polygon: Floats, other: Floats) -> float:
     deepest = np.inf
     for base, facing in ((polygon, other), (other, polygon)):
         normals, reach = outward(base)
+        # Two convex polygons are apart if one of their sides separates them; else the least depth over all sides
+        # counts.
         deepest = min(deepest, float((reach - (facing @ normals.T).min(axis=0)).min()))
     return deepest
 
 
 def depths(polygon: Floats, places: Floats) -> Floats:
-    """Return the depth of each place, (n, 2), within a convex polygon; below 0 outside."""
+    """Return the depth of each place, (n, 2), within a convex polygon; below 0 outside.
+
+    For example, the middle of a square with sides of 2 has the depth 1, and a place 0.5 beside it -0.5.
+    """
     normals, reach = outward(polygon)
     inside: Floats = (reach - places @ normals.T).min(axis=1)
     return inside

@@ -33,6 +33,7 @@ def convex_pieces(terrain: Terrain) -> list[Floats]:
     """Cut the free ground of a terrain into convex pieces; a terrain with too many corners is refused."""
     edges = np.diff(np.pad(terrain.free, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     (rows, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
+    # Runs of free points along a row as one box each: far fewer than points.
     outline = shapely.union_all(shapely.box(begins, rows, ends, rows + 1)).simplify(SMOOTHED)
     if (corners := shapely.get_num_coordinates(outline)) > MOST_CORNERS:
         raise BadInput(
@@ -68,9 +69,12 @@ class _Pieces:
                 for partner, outline in self._mergers(number)
             ]
             if mergers:
+                # The first of equal ones, in the order of their numbers, so that the split is the same everywhere.
                 _, partner, outline = max(mergers, key=lambda merger: merger[0])
                 self._polygons[number], self._boxes[number] = outline, shapely.bounds(outline)
+                # An empty box: the piece is part of the other one now and is nobody's neighbour.
                 self._boxes[partner] = np.inf, np.inf, -np.inf, -np.inf
+                # Last, since it has grown: the smallest come first.
                 waiting.append(number)
         return [shapely.orient_polygons(piece) for piece in self._polygons[np.isfinite(self._boxes[:, 0])]]
 
@@ -87,8 +91,8 @@ class _Pieces:
             is_thin = shapely.is_empty(shapely.buffer(pockets, -0.5 * POCKET, join_style="mitre"))
             if not is_thin or shapely.area(pockets) > POCKET * border:
                 continue
-            others = self._polygons[self._near(outline, number, partner)]
-            if shapely.area(shapely.intersection(others, outline)).max(initial=0.0) <= TOUCHING:
+            nearby_pieces = self._polygons[self._near(outline, number, partner)]
+            if shapely.area(shapely.intersection(nearby_pieces, outline)).max(initial=0.0) <= TOUCHING:
                 yield partner, outline
 
     def _near(self, polygon: shapely.Geometry, *besides: int) -> list[int]:

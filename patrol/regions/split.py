@@ -134,7 +134,10 @@ def split_for_bodies(
 
 
 def _label_points(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:
-    """int32 (h, w): the polygon that each free point's centre lies in, the first of several, -1 in none."""
+    """int32 (h, w): the polygon that each free point's centre lies in, the first of several, -1 in none.
+
+    For example, a point whose centre lies on the border of polygons 0 and 1 has the label 0.
+    """
     labels = np.full(terrain.shape, -1, dtype=np.int32)
     for number, polygon in enumerate(polygons):
         fill(np.ascontiguousarray(polygon), number, terrain.free.view(np.uint8), labels)
@@ -147,6 +150,7 @@ def _make_split(
     """Number regions by their first points, give what no polygon holds to a neighbour, and connect."""
     free = terrain.free.view(np.uint8)
     spread(free, labels.size, labels, np.empty(labels.size, dtype=np.int32))
+    # By first points, so that the numbers do not depend on the order in which pieces were merged.
     numbers, first = np.unique(labels, return_index=True)
     remaining = [int(number) for number in numbers[np.argsort(first)] if number >= 0]
     renumbered = np.full(len(polygons) + 1, -1, dtype=np.int32)
@@ -196,6 +200,7 @@ def _check_gaps(terrain: Terrain, labels: NDArray[np.int32], body: BoolGrid | No
         bare &= np.isin(rooms, np.unique(rooms[body & terrain.free]))
     gaps, count = parts_of(bare)
     is_gap = np.bincount(gaps.ravel(), weights=(labels < 0).ravel(), minlength=count + 1) > 0
+    # Label 0 is all the ground that is not bare.
     is_gap[0] = False
     if not is_gap.any():
         return
@@ -259,6 +264,7 @@ def _border_points(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         apart = (region >= 0) & (neighbour >= 0) & (region != neighbour)
         ends.append(np.stack([at_one[apart], at_two[apart]], axis=1))
     joined = np.concatenate(ends)
+    # Pairs are grouped by both parts below, so (2, 1) must read as (1, 2).
     swapped = parts.ravel()[joined[:, 0]] > parts.ravel()[joined[:, 1]]
     joined[swapped] = joined[swapped][:, ::-1]
     return joined[:, 0], joined[:, 1]

@@ -46,6 +46,7 @@ class BatteryTotals:
         self._names = {robot.number: robot.name for robot in header.robots}
         robots = header.scenario.get("robots", {})
         if any(group.get("battery") for group in (robots if isinstance(robots, list) else [robots])):
+            # Only where a battery is named: loading takes longer than the rest.
             scenario = load_scenario(header.scenario, opens_classes=False)
             self._batteries = batteries = Batteries(scenario.roster, scenario.docks, scenario.step)
             for number in batteries.numbers:
@@ -65,6 +66,7 @@ class BatteryTotals:
             docked = row.number in batteries.docked
             robot.end = batteries.share(row.number) or 0.0
             robot.least = min(robot.least, robot.end)
+            # A stay at a dock counts once, when it begins.
             robot.charges += docked and not robot.was_docked
             robot.docked += docked
             robot.was_docked = docked

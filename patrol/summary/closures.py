@@ -30,7 +30,10 @@ class ClosureTotals:
         self._ticks += 1
 
     def figures(self, events: Sequence[Event]) -> dict[str, Any]:
-        """Return the summary's `patrol.summary.model.ClosureFigures` of each closure."""
+        """Return the summary's `patrol.summary.model.ClosureFigures` of each closure.
+
+        For example, with steps of 0.5 s, closed before tick 4 and opened before tick 10 gives 1 closing of 3 s.
+        """
         closed_at: dict[str, int | None] = dict.fromkeys(self._names)
         closings, closed = dict.fromkeys(self._names, 0), dict.fromkeys(self._names, 0)
         for event in events:
@@ -46,6 +49,7 @@ class ClosureTotals:
                 closed_at[name] = None
         for name, begun in closed_at.items():
             if begun is not None:
+                # It was closed to the end. 0 for one that closed after the last tick.
                 closed[name] += max(self._ticks - begun, 0)
         figures = {name: {"closings": closings[name], "closed_s": closed[name] * self._step} for name in self._names}
         return {"closures": figures} if figures else {}

@@ -77,6 +77,7 @@ class IntruderTotals:
         reported = {
             id(nearest): nearest for nearest in (_nearest_intruder(present, spot) for spot in _contact_places(record))
         }
+        # By identity: several robots may report the same intruder in one tick, which counts once.
         for intruder in reported.values():
             intruder.reported += 1
             if intruder.first_reported is None:
@@ -146,6 +147,7 @@ def _contact_places(record: TickRecord) -> list[tuple[float, float]]:
     places = []
     earlier = FORGED
     for source, frame in record.frames:
+        # The first frame of a source is its position, and what follows from the same source its contacts.
         if source == earlier != FORGED and (position := _read_frame(frame)) is not None and position.robot == CONTACT:
             places.append((position.pose.x, position.pose.y))
         earlier = source

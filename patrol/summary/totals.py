@@ -132,6 +132,7 @@ class RunTotals:
         robots = self._robots
         for row in record.robots:
             robots[row.number].take(row, self._step)
+        # All but the sender itself, which is present.
         receivers = sum(row.status.is_present for row in record.robots) - 1
         for source, frame in record.frames:
             if source != FORGED:
@@ -209,6 +210,7 @@ def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
     if not len(drops):
         return []
     kinds = len(drops.causes)
+    # One number for each pair, since sorting numbers is far faster than counting pairs in Python.
     pairs, counts = np.unique(drops.source * kinds + drops.cause, return_counts=True)
     rows = zip(pairs.tolist(), counts.tolist(), strict=True)
     return [(pair // kinds, drops.causes[pair % kinds], count) for pair, count in rows]

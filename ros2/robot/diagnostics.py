@@ -112,8 +112,8 @@ class Diagnostics:
             "radio": self._radio_part(last),
         }
         return tuple(
-            DiagnosticStatus(level, f"fogwatch {robot}: {part}", message, robot, tuple(values.items()))
-            for part, (level, message, values) in parts.items()
+            DiagnosticStatus(level, f"fogwatch {robot}: {part}", message, robot, tuple(readings.items()))
+            for part, (level, message, readings) in parts.items()
         )
 
     def _patrol_part(self, last: _Report | None) -> _Part:
@@ -121,43 +121,45 @@ class Diagnostics:
             return DiagnosticLevel.WARN, "no decision yet", {}
         now_s, facts = self._now(), self._facts
         age_s = now_s - last.at_s
-        values = {
+        readings = {
             "tick": str(last.tick),
             "ticks lost": str(self._missed),
             "MFoW believed, s": f"{last.decision.mfow * facts.step_s:.1f}",
             "last decision, ms": f"{last.decision_ms:.1f}",
             "age of the last decision, s": f"{age_s:.1f}",
         }
+        # The robot's time may run at another pace than ours, as in a simulation.
         if age_s * facts.factor > LATE_TICKS * facts.step_s:
-            return DiagnosticLevel.ERROR, self._no_tick() or f"no decision for {age_s:.1f} s", values
+            return DiagnosticLevel.ERROR, self._no_tick() or f"no decision for {age_s:.1f} s", readings
         if now_s - self._missed_at_s < MISSED_S:
-            return DiagnosticLevel.WARN, f"{last.decision.state}; ticks were lost", values
-        return DiagnosticLevel.OK, str(last.decision.state), values
+            return DiagnosticLevel.WARN, f"{last.decision.state}; ticks were lost", readings
+        return DiagnosticLevel.OK, str(last.decision.state), readings
 
     def _localisation_part(self) -> _Part:
         hardware = self._hardware
-        values = {
+        readings = {
             "age of the odometry, s": _age_text(hardware.odometry_age_s),
             "age of the correction, s": _age_text(hardware.correction_age_s),
             **{f"messages refused: {reason}": f"{count:.0f}" for reason, count in hardware.refused.items()},
         }
         if why := hardware.why:
-            return DiagnosticLevel.ERROR, why, values
-        return DiagnosticLevel.OK, "the pose is known", values
+            return DiagnosticLevel.ERROR, why, readings
+        return DiagnosticLevel.OK, "the pose is known", readings
 
     def _radio_part(self, last: _Report | None) -> _Part:
         ages = {} if last is None else last.peers_s
         count = len(self._facts.names) - 1
-        ages_s = sum(age_s <= self._facts.forget_after_s for age_s in ages.values())
-        values = {
+        heard_count = sum(age_s <= self._facts.forget_after_s for age_s in ages.values())
+        readings = {
             "frames refused": "0" if last is None else str(last.decision.rejected),
             **{
                 f"age of the position of {name}, s": _age_text(age_s)
                 for name, age_s in islice(ages.items(), MOST_PEERS)
             },
         }
-        level = DiagnosticLevel.WARN if count and not ages_s else DiagnosticLevel.OK
-        return level, f"hears {ages_s} of {count} other robots", values
+        # A robot that is alone in its fleet has nobody to hear.
+        level = DiagnosticLevel.WARN if count and not heard_count else DiagnosticLevel.OK
+        return level, f"hears {heard_count} of {count} other robots", readings
 
 
 def _age_text(seconds: float | None) -> str:

@@ -209,6 +209,7 @@ class Ros2Robot:
         try:
             while not self._over.wait(max(0.0, due_s - time.monotonic())):
                 self.cycle()
+                # After a late cycle the next one is due at once, but missed ones are not made up for.
                 due_s = max(due_s + period_s, time.monotonic())
         except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the mind must know
             self._log.failure(error)
@@ -218,6 +219,7 @@ class Ros2Robot:
 
     def _halt_robot(self) -> None:
         """Send zero velocity, after the present message; also if the thread that sends it hangs."""
+        # Without the lock as well, after a moment: a robot that must stand must not wait for a thread that hangs.
         locked = self._lock.acquire(timeout=_LOCK_S)
         try:
             self._steering.halt()

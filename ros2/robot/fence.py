@@ -40,7 +40,11 @@ class Other:
         return math.hypot(self.vx, self.vy)
 
     def distance(self, x: float, y: float, ahead_s: float) -> float:
-        """Return the distance in m of the robot's centre from a place, `ahead_s` from now."""
+        """Return the distance in m of the robot's centre from a place, `ahead_s` from now.
+
+        For example, a robot at x = 3 m that drives at -1 m/s is 2.5 m from x = 0 in 0.5 s if it was heard just now.
+        """
+        # Bounded: an old velocity says little about where a robot is by now.
         gone_s = min(self.since_s + ahead_s, CARRIED_S)
         return math.hypot(self.x + self.vx * gone_s - x, self.y + self.vy * gone_s - y)
 
@@ -85,6 +89,7 @@ class Others:
         for number, peer in self._peers.items():
             last = self._seen.get(number)
             ticks = 0 if last is None else peer.sequence - last.peer.sequence
+            # The same frame again says nothing about the velocity.
             if last is not None and ticks == 0:
                 continue
             vx = vy = 0.0
@@ -137,6 +142,7 @@ class Fence:
         """
         if not self.on_ground(pose):
             return scaled(command, 0.0)
+        # Fastest first, so the first share that is safe is the answer.
         for share in SHARES:
             slower = scaled(command, share)
             stands_s = self._until_it_stands(slower)
@@ -151,18 +157,24 @@ class Fence:
         return cell is not None and bool(self.terrain.free[cell])
 
     def _until_it_stands(self, command: Command) -> float:
-        """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes."""
+        """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes.
+
+        For example, 0.7 s at 1 m/s with a reaction of 0.2 s and a braking of 1 m/s²: braking takes 1 s and leads 0.5 m
+        on.
+        """
         return self.reaction_s + command.speed_mps / (2.0 * self.braking)
 
     def _keeps_off(self, pose: Pose, command: Command, time_s: float, other: Other) -> bool:
         """Return True if a body comes no nearer to another than both are wide, or goes away from it."""
         wide = self.radius + other.radius
         now = other.distance(pose.x, pose.y, 0.0)
+        # Too far off to meet even head-on: most others need no closer look.
         if now - (command.speed_mps + other.speed) * time_s >= wide:
             return True
         for share in LOOKS:
             end = advance(pose, command, share * time_s)
             then = other.distance(end.x, end.y, share * time_s)
+            # One that is too near already may go away from it.
             if then < wide and then < now:
                 return False
         return True

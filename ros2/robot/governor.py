@@ -38,6 +38,8 @@ def velocity_of(command: Command, heading: float) -> messages.Twist:
     """Return the velocity that a command stands for, in the body's frame.
 
     A holonomic body's command is in the map's frame, so its heading there (rad) counts; the body keeps it.
+
+    For example, a car at 2 m/s with a curvature of 0.1 /m turns at 0.2 rad/s.
     """
     match command:
         case Velocity(vx, vy):
@@ -79,12 +81,14 @@ class Response:
             if moved_m >= MOVED_M or turned >= MOVED_RAD:
                 self.release()
             return
+        # Where the robot would be if it did as it was told.
         self._meant = advance(self._meant, command, time_s)
         self._turn += velocity_of(command, pose.heading).turn_rate * time_s
         self._lasted_s += time_s
         way, _ = apart(self._begin, self._meant)
         if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
             return
+        # Any motion clears all that was blind before: the robot responds.
         if self._has_moved(self._begin, way, pose):
             self._blind_m = self._blind_s = 0.0
         else:
@@ -125,6 +129,8 @@ def nearer(command: Command, wanted: Command, most: float, radius: float) -> Com
 
     `command` is what the body obeys now. A speed may change by at most `most` m/s. The wheels of a differential drive
     are `radius` (m) left and right of its centre, so turning counts with it.
+
+    For example, from 0 to 1 m/s with at most 0.3 m/s of change it is a command of 0.3 m/s.
     """
     match command, wanted:
         case Velocity(vx, vy), Velocity(to_x, to_y):
@@ -180,8 +186,10 @@ class Governor:
         if self.why or pose is None:
             self.command = self._halt
             return self.command
+        # A mind that hangs sends nothing, and its last command must not go on for ever.
         wanted = self._wanted if now_s < self._until_s else self._halt
         eased = nearer(self.command, wanted, self._acceleration * since_s, self._limits.radius)
+        # The fence comes last: it may brake harder than the limit of acceleration.
         self.command = self._fence.allowed(pose, eased.limited(self._limits), others)
         self.fenced = self.command.speed_mps < eased.speed_mps
         if not self._fence.on_ground(pose):

@@ -132,10 +132,12 @@ def _read_variances(where: str, covariance: Any) -> tuple[float, float, float]:
     if not isinstance(covariance, list) or len(covariance) != 36:
         listed = f"{len(covariance)} numbers" if isinstance(covariance, list) else quoted(covariance)
         raise BadInput(f"{where}: pose.covariance = {listed}: expected 36 numbers; export the pose again")
+    # The 36 are a 6 by 6 matrix over x, y, z and three angles, row by row: its diagonal has x at 0, y at 7 and the
+    # heading at 35.
     numbers = dict(enumerate(covariance))
-    values = [_read_number(f"{where}: pose.covariance", numbers, index) for index in numbers]
+    matrix = [_read_number(f"{where}: pose.covariance", numbers, index) for index in numbers]
     vx, vy, turned = (
-        values[index] if values[index] > 0.0 else usual for index, usual in zip((0, 7, 35), VARIANCES, strict=True)
+        matrix[index] if matrix[index] > 0.0 else usual for index, usual in zip((0, 7, 35), VARIANCES, strict=True)
     )
     return vx, vy, turned
 
@@ -147,20 +149,20 @@ def _initial_poses(says: Any, name: str) -> Iterator[tuple[str, Mapping[str, Any
     parameters = says.get("ros__parameters")
     if isinstance(parameters, Mapping) and isinstance(parameters.get("initial_pose"), Mapping):
         yield name, parameters["initial_pose"]
-    for key, value in says.items():
+    for key, inner in says.items():
         if key != "ros__parameters":
-            yield from _initial_poses(value, f"{name}/{key}".replace("//", "/").lstrip("/"))
+            yield from _initial_poses(inner, f"{name}/{key}".replace("//", "/").lstrip("/"))
 
 
 def _read_mapping(where: str, says: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = says.get(key)
-    if not isinstance(value, Mapping):
+    mapping = says.get(key)
+    if not isinstance(mapping, Mapping):
         raise BadInput(f"{where}.{key}: missing; export the pose again")
-    return value
+    return mapping
 
 
 def _read_number(where: str, says: Mapping[Any, Any], key: Any) -> float:
-    value = says.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise BadInput(f"{where}.{key} = {quoted(value)}: expected a finite number")
-    return float(value)
+    number = says.get(key)
+    if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+        raise BadInput(f"{where}.{key} = {quoted(number)}: expected a finite number")
+    return float(number)

@@ -171,6 +171,7 @@ class Localisation:
 
     def _keep_transform(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
         """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
+        # Out and in again, so that the first one in the dict is the oldest.
         kept.pop(child, None)
         kept[child] = correction
         if len(kept) > _MOST_CHILDREN:

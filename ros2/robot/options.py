@@ -77,7 +77,12 @@ class DriveSettings:
 
 
 def turn_rate_of(model: str, limits: Limits) -> float:
-    """Return a body's largest turn rate, rad/s: a car's along its tightest turn, others' by their rim's top speed."""
+    """Return a body's largest turn rate, rad/s: a car's along its tightest turn, others' by their rim's top speed.
+
+    For example, 0.5 rad/s for a differential drive at 0.1 m/s with a radius of 0.2 m, and for a car at 2 m/s that turns
+    by 4 m.
+    """
+    # A car turns only while it drives; others turn on the spot, by wheels at their rim.
     round_m = limits.turning_radius if model == "car" else limits.radius
     return limits.speed / round_m if round_m > 0.0 else math.inf
 
@@ -280,9 +285,9 @@ def _check_robot(options: argparse.Namespace) -> None:
 def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Refuse options that are given and out of their ranges."""
     for name, (lower, upper) in ranges.items():
-        value = getattr(options, name.replace("-", "_"))
-        if value is not None and not lower <= value <= upper:
-            raise BadInput(f"--{name} {value:g}: out of range; give {lower:g} to {upper:g}")
+        number = getattr(options, name.replace("-", "_"))
+        if number is not None and not lower <= number <= upper:
+            raise BadInput(f"--{name} {number:g}: out of range; give {lower:g} to {upper:g}")
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:

@@ -75,6 +75,7 @@ def _robot_name(options: argparse.Namespace) -> str:
         return str(options.name)
     if options.credentials is not None:
         return read_credentials(options.credentials, "--credentials").role.name
+    # The last part of a namespace such as /fleet/robot1 names the robot.
     return options.namespace.strip("/").rpartition("/")[2] or "robot"
 
 
@@ -150,6 +151,7 @@ def _patrol_robot(process: ProcessContext, scenario: Scenario, hardware: Hardwar
     """Patrol with a robot that was found; return the exit code."""
     name, options = process.log.owner, process.options
     numbers = {spec.name: spec.number for spec in scenario.roster}
+    # By its number, so that of robots started together only the first counts ticks from now.
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
     rivals = _claim_robot(hardware, process)
     if options.router is not None and options.router == options.connect:
@@ -175,6 +177,7 @@ def _claim_robot(hardware: Hardware, process: ProcessContext) -> Rivals:
     """Make sure that no other process drives the robot, from now on. Raises BadInput if one does."""
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
+    # A robot that gets goals has no topic of velocities that another node could use.
     rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
     if drivers := rivals.are_there(stopped=process.leaving):
         raise BadInput(

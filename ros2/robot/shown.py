@@ -70,6 +70,7 @@ class Shown:
         if not self._way or apart(pose, self._way[-1])[0] >= APART_M:
             self._way.append(pose)
         now_s = time.monotonic()
+        # Where the thread is still busy, this picture is left out instead of waiting.
         if now_s >= self._due_s and self._pictures.empty():
             self._due_s = now_s + EVERY_S
             self._pictures.put((fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)))
@@ -100,8 +101,11 @@ def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
     """Return a fog as cells: 0 where it was just seen, 100 where it is stalest, -1 off the patrolled ground.
 
     The cells are every `thin`-th row and column: int8 (ceil(h / thin), ceil(w / thin)).
+
+    For example, at tick 10 a point last seen at tick 6 gives 50 if the stalest was last seen at tick 2.
     """
     ages = tick - fog.last_seen[::thin, ::thin].astype(np.int64)
+    # Against the stalest point of now, so that the picture uses the whole scale.
     shares = np.clip(OCCUPIED * ages // max(1, fog.mfow(tick)), 0, OCCUPIED)
     return np.where(fog.patrolled[::thin, ::thin] != 0, shares, UNKNOWN).astype(np.int8)
 
@@ -126,6 +130,7 @@ def write_map(grid: OccupancyGrid, folder: FilePath, name: str = "map") -> FileP
     share = grid.cells.astype(np.float64) / 100.0
     pixels = np.full(grid.cells.shape, _UNKNOWN, dtype=np.uint8)
     pixels[(share >= 0.0) & (share < FREE_SHARE)] = _FREE
+    # Images have their first row at the top, grids at the lowest y, hence the reversal below.
     pixels[share > OCCUPIED_SHARE] = _WALL
     Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / f"{name}.png")
     path = folder / f"{name}.yaml"

@@ -131,6 +131,7 @@ class MotionCheck:
         way = math.hypot(across, up)
         if way < ENOUGH_M:
             return False
+        # Only the part along the commanded way counts: sliding aside is no progress.
         along = ((pose.x - self._begin.x) * across + (pose.y - self._begin.y) * up) / way
         self._begin = self._meant = pose
         return along < STUCK_SHARE * way
@@ -167,14 +168,17 @@ class GoalSteering:
             return why
         moment_s = time.monotonic()
         going = self._goals.step(moment_s)
+        # No new goal before Nav2 has confirmed that the old one is gone.
         if going is Going.STOPPING:
             return ""
         if going is Going.FAILED and self._sent is not None:
             self._sent, self._failed_s = None, now_s
             self._failures += 1
         if self._sent is None:
+            # A place that cannot be reached would otherwise be asked for in each step.
             new = now_s - self._failed_s >= AGAIN_S
         else:
+            # Nav2 plans anew for each goal, so small changes are left out.
             new = math.dist(self._sent, self._wanted) > ANOTHER_M
         if new:
             x, y = self._wanted
@@ -226,7 +230,10 @@ class GoalSteering:
 
 
 def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
-    """Return the speed (m/s) and the steering angle (rad) of a car whose axles are `wheelbase` (m) apart."""
+    """Return the speed (m/s) and the steering angle (rad) of a car whose axles are `wheelbase` (m) apart.
+
+    For example, an angle of 0.245 rad for a curvature of 0.5 /m and axles 0.5 m apart.
+    """
     return command.speed, math.atan(wheelbase * command.curvature)
 
 

@@ -48,7 +48,10 @@ def moves(fix: Fix) -> bool:
 
 
 def speed_of(fix: Fix) -> float:
-    """Return the sum of a robot's speed, m/s, and its turn rate, rad/s."""
+    """Return the sum of a robot's speed, m/s, and its turn rate, rad/s.
+
+    For example, 0.5 for a robot that drives at 0.3 m/s and turns by 0.2 rad/s.
+    """
     return math.hypot(fix.twist.vx, fix.twist.vy) + abs(fix.twist.turn_rate)
 
 
@@ -83,6 +86,7 @@ class Standing:
             elif moves(fix):
                 self._still_s, self._doubt = None, f"its odometry says {speed_of(fix):.2f} m/s"
             elif self._still_s is None:
+                # It stands only from here on; one message of rest may come between two of motion.
                 self._still_s, self._doubt = moment_s, _JUST
             elif moment_s - self._still_s >= self._stands_s:
                 self._doubt = unconfirmed
@@ -144,10 +148,12 @@ class StopFiles:
         """
         line = f"{self._robot}: stopped by {source}\n"
         try:
+            # A file that is there already may be damaged, but holds all the same.
             if not self.holds(stopper):
                 file = os.open(self._stop_path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
                 try:
                     os.write(file, line.encode())
+                    # A stop must survive a power cut right after it was confirmed.
                     os.fsync(file)
                 finally:
                     os.close(file)
@@ -262,6 +268,7 @@ class Stops:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: not self.error and not self._is_noted())
+                # One at a time: meanwhile stops may come and go.
                 wrong = next(iter(set(self._held) ^ self._noted))
                 holds = wrong in self._held
             error = files.note(wrong, self._texts[wrong][0]) if holds else files.forget(wrong)

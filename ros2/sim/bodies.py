@@ -61,6 +61,7 @@ class OwnBodies:
         pose = Pose(body.pose.x, body.pose.y, turned if spec.model == "holonomic" else body.pose.heading)
         if not body.bumped:
             return Moved(pose)
+        # The move was cancelled; what is not a wall must have been another robot.
         at_wall = not path_is_free(self._terrain, before, body.command, step_s, spec.radius)
         return Moved(pose, at_wall=at_wall, at_robot=not at_wall)
 

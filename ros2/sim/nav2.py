@@ -40,12 +40,14 @@ class Navigator:
         """Return the velocity towards a goal, in the body's frame; None where there is no way."""
         if goal != self._goal:
             self._goal, self._way = goal, self._find_way(pose, goal)
+        # Shortcuts: what is in reach of a straight line needs no points in between.
         while len(self._way) > 1 and self._is_free(pose, self._way[1]):
             del self._way[0]
         if not self._way:
             return None
         ahead = composed(inverted(pose), Pose(*self._way[0], 0.0))
         distance, bearing = math.hypot(ahead.x, ahead.y), math.atan2(ahead.y, ahead.x)
+        # Slower near the place, or it would drive past.
         speed = min(0.5 * self._spec.speed, distance)
         if self._spec.model == "holonomic":
             return Twist(speed * math.cos(bearing), speed * math.sin(bearing), 0.0)
@@ -60,6 +62,7 @@ class Navigator:
         last = anchor(self._terrain, self._cspace, goal.x, goal.y)
         if first is None or last is None:
             return []
+        # From the goal, so that each point knows the next one on its way there.
         towards: dict[Point, Point] = {last: last}
         waiting = deque([last])
         while waiting and first not in towards:

@@ -66,6 +66,7 @@ class Habits:
 
 
 def _velocity_of_car(drive: AckermannDriveStamped, habits: Habits) -> Twist:
+    # Near a right angle the tangent would be infinite.
     curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / habits.wheelbase
     return Twist(drive.speed, 0.0, drive.speed * curvature)
 
@@ -90,6 +91,7 @@ class Every:
         """Return True if it is due, once in each interval."""
         if now_s < self._due_s - _ROUNDING_S:
             return False
+        # Not in a burst after a pause.
         self._due_s = max(self._due_s + self._period_s, now_s)
         return True
 

@@ -51,6 +51,7 @@ class DriftingOdometry:
             self.counted = composed(self.counted, counted)
             return
         way = (moved.x**2 + moved.y**2) ** 0.5
+        # Drift grows with the way, as that of worn wheels does, and not with time.
         stretch = 1.0 + self._errors.drift
         turn = moved.heading + self._errors.drift_rad * way
         self.counted = composed(self.counted, Pose(moved.x * stretch, moved.y * stretch, turn))

@@ -79,16 +79,23 @@ def parser() -> ProcessParser:
 
 
 def robots_of(options: argparse.Namespace) -> dict[str, str]:
-    """Return the format of each robot by its name, which is its namespace too."""
+    """Return the format of each robot by its name, which is its namespace too.
+
+    For example, ``r1,r2:bridge`` gives ``{"r1": "rmw_zenoh", "r2": "bridge"}``.
+    """
     texts = [text.strip().partition(":") for text in options.robots.split(",")]
     formats = {name: form or FORMAT for name, _, form in texts}
+    # Fewer formats than texts: a name was given twice.
     if len(texts) > MOST_ROBOTS or len(formats) < len(texts):
         raise BadInput(f"--robots {options.robots}: give up to {MOST_ROBOTS} different names")
     return formats
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
-    """Return when robots' odometry ends, s, by name; that of the others never ends."""
+    """Return when robots' odometry ends, s, by name; that of the others never ends.
+
+    For example, ``{"r1": 30.0}`` for ``--unplug r1@30``.
+    """
     times = {}
     for text in options.unplug:
         name, _, when = text.partition("@")

@@ -94,6 +94,7 @@ class SimulatedRobot:
         touching = moved.at_wall or moved.at_robot
         if touching and not self._touching:
             self.walls_touched += moved.at_wall
+            # One that touches both at once counts as a wall's.
             self.robots_touched += not moved.at_wall
         self._touching = touching
         if body.bumped:
@@ -119,6 +120,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
         return Velocity(cos * twist.vx - sin * twist.vy, sin * twist.vx + cos * twist.vy)
     if spec.model == "differential":
         return Twist(twist.vx, twist.turn_rate)
+    # A car cannot turn on the spot, and a curvature of turn rate over 0 would be infinite.
     if abs(twist.vx) < _BARELY:
         return Drive(0.0, 0.0)
     return Drive(twist.vx, twist.turn_rate / twist.vx)
@@ -128,6 +130,9 @@ def eased(going: messages.Twist, told: messages.Twist, most: float, radius: floa
     """Return the velocity nearest to the commanded one that the motors reach.
 
     `most` is by how much a speed may change, m/s; a turn rate may change by `most` / `radius`.
+
+    For example, with `most` = 0.1 and a radius of 0.3 m, a robot at rest that is told 1 m/s and 0.2 rad/s gets 0.1 m/s
+    and 0.02 rad/s.
     """
     if math.isinf(most):
         return told

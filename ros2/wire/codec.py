@@ -110,6 +110,7 @@ def decode(kind: type[M], payload: bytes) -> M:
     if (read := getattr(kind, "of_payload", None)) is not None:
         return cast("M", read(payload))
     try:
+        # The reader trusts its input, so any error of it means a payload that is no such message.
         raw = store().deserialize_cdr(payload, coding.type_name)
     except (SerdeError, ValueError, IndexError, OverflowError, TypeError, struct.error):
         raise Malformed(f"{len(payload)} bytes that are no {coding.type_name}") from None

@@ -91,7 +91,10 @@ def type_hash(name: str) -> str:
 
 
 def make(type_name: str, values: Mapping[str, Any]) -> Any:
-    """Return a message of ROS by the paths of its fields, such as ``header.frame_id``; all other fields are zero."""
+    """Return a message of ROS by the paths of its fields, such as ``header.frame_id``; all other fields are zero.
+
+    For example, ``make("geometry_msgs/msg/Twist", {"linear.x": 1.0})`` drives ahead at 1 m/s without a turn.
+    """
     from rosbags.interfaces import Nodetype
 
     fields: dict[str, Any] = {}
@@ -118,7 +121,10 @@ def _describe_fields(text: str) -> list[tuple[str, Any]]:
 
 
 def _describe_type(kind: str) -> Any:
-    """Return a field's type as rosbags describes it: a type, an array ``T[3]``, a sequence ``T[]`` or ``T[<=3]``."""
+    """Return a field's type as rosbags describes it: a type, an array ``T[3]``, a sequence ``T[]`` or ``T[<=3]``.
+
+    For example, ``uint8[16]`` is an array of 16 bytes, and ``float64[]`` a sequence of any length.
+    """
     from rosbags.interfaces import Nodetype
 
     element, bracket, count = kind.rstrip("]").partition("[")

@@ -46,6 +46,7 @@ class Attachment:
 
 def attachment_of(given: bytes) -> Attachment | None:
     """Return the attachment in some bytes; None if there is none."""
+    # The byte after the two numbers is the length of what stands for the sender.
     if len(given) != _ATTACHMENT.size or given[16] != _GID:
         return None
     sequence, sent_ns, _, sender = _ATTACHMENT.unpack(given)
@@ -112,6 +113,7 @@ class RmwZenoh:
     def origin(self, key: str, /) -> Origin:
         """Read from a key which messages are under it."""
         parts = key.split("/")
+        # From the end: a topic's name has as many parts as it likes.
         return Origin(ros_name(parts[-2]), parts[-1]) if len(parts) >= 4 else Origin()
 
     def hash_of(self, type_name: str, /) -> str:

@@ -175,17 +175,17 @@ class OccupancyGrid:
     @classmethod
     def of_ros(cls, found: Any) -> OccupancyGrid:
         """Return the content of a message of ROS."""
-        info = found.info
-        width, height = int(info.width), int(info.height)
+        grid_info = found.info
+        width, height = int(grid_info.width), int(grid_info.height)
         if not 0 < width * height == len(found.data) <= MOST_CELLS:
             raise Malformed(f"a grid of {width} x {height} with {len(found.data)} cells")
-        if not 0.0 < info.resolution <= ros.LARGEST:
-            raise Malformed(f"a grid with cells of {float(info.resolution)} m")
+        if not 0.0 < grid_info.resolution <= ros.LARGEST:
+            raise Malformed(f"a grid with cells of {float(grid_info.resolution)} m")
         return cls(
             ros.TIME.unpack(found.header.stamp),
             ros.FRAME.unpack(found.header.frame_id),
-            float(str(np.float32(info.resolution))),  # as it was meant: 0.05, and not the nearest float32
-            ros.POSE.unpack(info.origin),
+            float(str(np.float32(grid_info.resolution))),  # as it was meant: 0.05, and not the nearest float32
+            ros.POSE.unpack(grid_info.origin),
             np.asarray(found.data, dtype=np.int8).reshape(height, width).copy(),
         )
 

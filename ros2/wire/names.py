@@ -48,6 +48,8 @@ def full_name(namespace: str, name: str) -> str:
     """Return a name with its namespace, as ROS resolves it, with a leading slash.
 
     A name that begins with a slash is taken from the root.
+
+    For example, cmd_vel in the namespace robot1 is /robot1/cmd_vel, and /map stays /map.
     """
     if name.startswith("/"):
         return name
@@ -56,7 +58,10 @@ def full_name(namespace: str, name: str) -> str:
 
 
 def dds_name(type_name: str) -> str:
-    """Return a type such as ``geometry_msgs/msg/Twist`` as DDS calls it."""
+    """Return a type such as ``geometry_msgs/msg/Twist`` as DDS calls it.
+
+    For example, ``geometry_msgs::msg::dds_::Twist_``.
+    """
     package, kind, name = type_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
@@ -70,7 +75,10 @@ def ros_name(dds: str) -> str:
 
 
 def mangled(name: str) -> str:
-    """Return a name as a part of a token, where no slash may be and nothing may be empty."""
+    """Return a name as a part of a token, where no slash may be and nothing may be empty.
+
+    For example, /robot1/cmd_vel is %robot1%cmd_vel, and the root is %.
+    """
     return name.replace("/", "%") or "%"
 
 
@@ -89,7 +97,10 @@ class Qos:
 
     @property
     def text(self) -> str:
-        """The text of `rmw_zenoh` in a token: usual values are left out."""
+        """The text of `rmw_zenoh` in a token: usual values are left out.
+
+        For example, "::,10:,:,:,," for a reliable topic, and "2::,5:,:,:,," for a sensor's.
+        """
         reliability, durability = "" if self.reliable else _BEST_EFFORT, _TRANSIENT_LOCAL if self.latched else ""
         return f"{reliability}:{durability}:,{self.depth}:,:,:,,"
 
@@ -150,6 +161,7 @@ def entity_of(token: str) -> Entity | None:
     if len(parts) < 9 or parts[0] != ADMIN_SPACE or parts[5] not in list(EntityKind):
         return None
     numbers = (parts[1], parts[3], parts[4])
+    # ASCII first: isdigit takes superscripts as well, which int refuses.
     if not all(part.isascii() and part.isdigit() and len(part) < 20 for part in numbers):
         return None
     domain, node_number, number = map(int, numbers)

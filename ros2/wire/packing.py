@@ -61,7 +61,10 @@ def usable(packing: Packing) -> Packing:
 
 
 def number(value: float) -> float:
-    """Return a number that means something. Raises Malformed for any other."""
+    """Return a number that means something. Raises Malformed for any other.
+
+    For example, 2 becomes 2.0, and NaN, infinities and 1e10 are refused.
+    """
     if not -LARGEST <= value <= LARGEST:
         raise Malformed(f"{float(value)} is not a number of metres, seconds or radians")
     return float(value)
@@ -92,6 +95,7 @@ def _goal_id(value: Iterable[int]) -> bytes:
 
 
 def _as_nanoseconds(time: Any) -> int:
+    # Both fields of a stranger's message may hold anything that fits into 32 bits.
     if time.sec < 0 or not 0 <= time.nanosec < _NS:
         raise Malformed("a time before the epoch, or with more than a second of nanoseconds")
     return int(time.sec) * _NS + int(time.nanosec)
@@ -111,6 +115,7 @@ def _ros_duration(seconds: float) -> Any:
 
 def _heading_of(turn: Any) -> float:
     x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
+    # Robots send quaternions of length 0 before they know their pose: no heading at all.
     length = math.hypot(x, y, z, w)
     if not _UNIT[0] <= length <= _UNIT[1]:
         raise Malformed(f"a rotation's quaternion is of length {length:.3g} and not 1")
@@ -123,9 +128,12 @@ def _ros_turn(angle: float) -> Any:
 
 
 def _read_variances(covariance: Any) -> tuple[float, ...]:
-    """Return the variances of x, y and heading; 0, unknown, where they are nonsense, which many robots send."""
-    values = [float(covariance[index]) for index in _PLANE]
-    return tuple(value if 0.0 <= value <= LARGEST else 0.0 for value in values)
+    """Return the variances of x, y and heading; 0, unknown, where they are nonsense, which many robots send.
+
+    For example, a variance of -1 or of 1e30 m² reads as 0.
+    """
+    variances = [float(covariance[index]) for index in _PLANE]
+    return tuple(value if 0.0 <= value <= LARGEST else 0.0 for value in variances)
 
 
 def _make_covariance(variances: tuple[float, float, float]) -> Any:
@@ -135,7 +143,10 @@ def _make_covariance(variances: tuple[float, float, float]) -> Any:
 
 
 def _plane_pose(type_name: str, position: str, orientation: str) -> Packing:
-    """Return the packing of a pose in the plane; its height is not used, but must be a number too."""
+    """Return the packing of a pose in the plane; its height is not used, but must be a number too.
+
+    For example, a heading of pi / 2 becomes the quaternion (0, 0, 0.7071, 0.7071).
+    """
     read_position, read_turn = attrgetter(position), attrgetter(orientation)
 
     def pack(pose: Pose) -> Any:

@@ -127,6 +127,8 @@ def longest_record(robots: int) -> int:
     """Return the length in bytes of the longest record that a viewer unpacks, for a roster of `robots`.
 
     Objects take many times their packed bytes.
+
+    For example, 157,952 bytes for 10 robots.
     """
     return min(MAX_BATCH, (1 << 17) + (robots << 11) + (robots * robots << 6))
 
@@ -192,6 +194,7 @@ def read_so_far(
     if known is not None and (header != known.header or (height, width) != known.last_seen.shape):
         raise Malformed("an answer of another run")
     # By point: two grids, one for each kind of body, one for all of them, and four bytes of the fog.
+    # Checked before anything is decompressed.
     if height * width * (7 + len(answer.areas)) > MAX_GRIDS:
         raise Malformed(f"{len(answer.areas)} kinds of bodies on {height} x {width} points take too much memory")
     try:
@@ -221,6 +224,7 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     ticks = answer.every * len(mfow)
     if len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + answer.every:
         raise Malformed("no curves")
+    # Curves tell how many ticks there were; a viewer computes ages from both.
     if int(latest.min()) < -1 or int(latest.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
         raise Malformed("points seen after the last tick")
     arrays: dict[str, Any] = {"last_seen": last_seen, "mfow": mfow, "fog_mean": fog_mean, "ground": ground}
@@ -232,10 +236,10 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
 
 
 def _decode_curve(packed: bytes) -> NDArray[np.float32]:
-    values = np.frombuffer(packed[: len(packed) // 4 * 4], dtype="<f4").astype(np.float32)
-    if len(packed) % 4 or not np.isfinite(values).all():
+    curve = np.frombuffer(packed[: len(packed) // 4 * 4], dtype="<f4").astype(np.float32)
+    if len(packed) % 4 or not np.isfinite(curve).all():
         raise Malformed("no curve")
-    return values
+    return curve
 
 
 def _pack_grid(grid: NDArray[np.bool_]) -> bytes:
@@ -249,14 +253,20 @@ def _unpack_grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _inflate_bytes(packed: bytes, size: int) -> bytes:
-    """Decompress to at most `size` bytes; Malformed when there are fewer."""
+    """Decompress to at most `size` bytes; Malformed when there are fewer.
+
+    For example, a stranger's 1 kB that would inflate to 1 GB costs `size` bytes of memory at most.
+    """
     inflater = zlib.decompressobj()
-    data = inflater.decompress(packed, size)
-    if len(data) != size:
+    inflated = inflater.decompress(packed, size)
+    if len(inflated) != size:
         raise Malformed("too short")
-    return data
+    return inflated
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Copy every n-th of the values as float32; the series may grow while the copy is still read."""
+    """Copy every n-th of the values as float32; the series may grow while the copy is still read.
+
+    For example, of 0, 1, 2, 3, 4, 5, 6 every third gives 0, 3, 6.
+    """
     return np.array(values, dtype=np.float32)[::every]

@@ -100,8 +100,10 @@ class PhaseA(Head):
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         sensed, pose = self.sensed, self.sensed.pose
+        # The tick is sent once, in the head, and receivers take both from there.
         if sensed.k != self.k:
             raise ValueError(f"a phase A of tick {self.k} cannot say what was sensed at tick {sensed.k}")
+        # msgpack does not take all of numpy's numbers.
         pose_values = float(pose.x), float(pose.y), float(pose.heading)
         contacts = [float(value) for contact in sensed.contacts for value in contact]
         charge = None if sensed.charge is None else float(sensed.charge)
@@ -195,16 +197,19 @@ _KINDS = {kind: number for kinds in (_TO_ROBOT, _TO_WORLD) for number, kind in k
 
 
 def max_to_robot(robots: int) -> int:
-    """Size of the longest message to a robot, in bytes, in a fleet of ``robots``."""
+    """Size of the longest message to a robot, in bytes, in a fleet of ``robots``.
+
+    For example, each robot more adds 330 bytes: five frames of 64, and two bytes more for each.
+    """
     return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2) + MOST_BLOCKED * _LONGEST_INDEX
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
     """Pack a message, a reason cut short where it is too long. Receivers check all other limits."""
-    values = message.to_values()
+    fields = message.to_values()
     if isinstance(message, Stop | Failed):
-        values = (*values[:-1], message.reason[:_MAX_REASON])
-    packed: bytes = msgpack.packb((_KINDS[type(message)], *values))
+        fields = (*fields[:-1], message.reason[:_MAX_REASON])
+    packed: bytes = msgpack.packb((_KINDS[type(message)], *fields))
     return packed
 
 
@@ -217,6 +222,7 @@ def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
     if isinstance(message, PhaseA):
         sensed = message.sensed
         number = max((*(sensed.zones or ()), *(number for number, _ in sensed.weights)), default=-1)
+        # Its greatest number tells for all: they are not negative.
         if number >= zones:
             raise Malformed(f"zone {number} is in force, and the scenario's {zones} are numbered from 0")
     return message
@@ -234,7 +240,7 @@ def decode_to_world(payload: bytes) -> ToWorld:
 
 
 def _decode_message(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
-    values = unpack(payload)
-    if type(values) is not tuple or not values or type(values[0]) is not int or values[0] not in kinds:
+    fields = unpack(payload)
+    if type(fields) is not tuple or not fields or type(fields[0]) is not int or fields[0] not in kinds:
         raise Malformed("no array that begins with a known kind")
-    return check(kinds[values[0]], values[1:])
+    return check(kinds[fields[0]], fields[1:])

@@ -370,6 +370,7 @@ class RobotEnd:
         if isinstance(message, Stop):
             # Until a world has greeted it, any world may turn it away.
             return RobotEvent.STRANGER if self._runs and not is_known else RobotEvent.LEAVES
+        # A phase of a run that has never greeted this robot is not for it.
         return self._event_of_phase(message) if is_known else RobotEvent.STRANGER
 
     def _event_of_phase(self, phase: PhaseA | PhaseB) -> RobotEvent:
@@ -382,6 +383,7 @@ class RobotEnd:
     def _answer_greeting(self, message: Hello, now: float) -> Effects:
         if message.run not in self._runs:
             # Only the latest, or worlds that come and go would make the list grow.
+            # The newest last: `_run` is the one that a farewell goes to.
             self._runs = [*self._runs, message.run][-_OFFERS:]
         return self._say_hello(message.run, now)
 

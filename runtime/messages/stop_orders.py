@@ -46,12 +46,18 @@ class Outcome:
     text: str  # one line
 
     def to_bytes(self) -> bytes:
-        """Pack the outcome as an answer."""
+        """Pack the outcome as an answer.
+
+        For example, ``Outcome(True, "stands")`` becomes ``b"done stands"``.
+        """
         return f"{_DONE if self.done else _NOT_DONE} {self.text}".encode()[:LONGEST_ANSWER]
 
 
 def outcome_of(answer: bytes) -> Outcome:
-    """Read the outcome in an answer of unknown origin; any other text counts as not done."""
+    """Read the outcome in an answer of unknown origin; any other text counts as not done.
+
+    For example, ``b"done stands"`` reads as done, and ``b"donestands"`` does not.
+    """
     word, _, text = answer.decode("utf-8", "replace").partition(" ")
     return Outcome(word == _DONE, printable(text))
 
@@ -99,6 +105,7 @@ class StopOrders:
             question = message[1]
             try:
                 order = Order(question.payload.decode("ascii", "replace"))
+            # An order that this version does not know: no answer, so that the operator is told that none came.
             except ValueError:
                 continue
             question.answer(carry_out(order).to_bytes())

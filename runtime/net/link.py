@@ -372,9 +372,11 @@ def open_session(
         is_open.set()
 
     # Zenoh waits without a limit, so another thread opens and this one watches the time.
+    # A daemon, or a hanging attempt would keep the process from ending.
     threading.Thread(target=join, daemon=True).start()
     if not _wait_until(is_open.wait, wait_s, waiting, stopped):
         # Zenoh reports both in the same way, but a port that is open says that a router has refused.
+        # After the wait: asking takes up to `KNOCK_S`.
         if not stopped() and listens(router):
             raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
         raise LinkDown(f"no router answers at {router}")

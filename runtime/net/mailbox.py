@@ -96,15 +96,20 @@ class Mailbox(Generic[T]):
         except ValueError:
             self.refused["malformed"] += 1
             return
+        # Decoded on the receiving thread: what is malformed never wakes the owner.
         self.put(key, message, len(payload))
 
     def put(self, key: str, message: T, size: int = 0) -> None:
-        """Put one decoded message in, with the length of its payload in bytes; called from any thread."""
+        """Put one decoded message in, with the length of its payload in bytes; called from any thread.
+
+        For example, with room for 256 the 257th message that waits under a key pushes the first one out.
+        """
         waiting = self._waiting.get(key)
         if waiting is None:
             self.refused["unknown"] += 1
             return
         with self._changed:
+            # A key is in the line once, however many of its messages wait.
             if not waiting:
                 self._ready.append(key)
                 self._changed.notify()
@@ -125,6 +130,7 @@ class Mailbox(Generic[T]):
             waiting = self._waiting[key]
             message, size = waiting.popleft()
             self._bytes -= size
+            # To the end of the line: a sender of many messages does not keep others waiting.
             if waiting:
                 self._ready.append(key)
             return key, message
@@ -158,7 +164,10 @@ class Carrier:
         self._subscriptions.append((key, mailbox))
 
     def _deliver_frame(self, key: str, frame: bytes) -> None:
-        """Deliver a frame of another end."""
+        """Deliver a frame of another end.
+
+        For example, the key ``fleet/radio/r1`` goes to subscriptions of this key, and of ``fleet/radio/*``.
+        """
         if key in self._own:
             return
         for pattern, mailbox in list(self._subscriptions):

@@ -37,6 +37,7 @@ class Group(Carrier):
 
     def broadcast(self, key: str) -> Post:
         """Make a publisher under a key; a frame that the network does not take at once is lost."""
+        # The network returns what this host sends to the group.
         self._own.add(key)
         head = key.encode() + b"\0"
 
@@ -61,6 +62,7 @@ class Group(Carrier):
                 datagram = self._into.recv(_LONGEST)
             except OSError:  # nothing came, or the network is down
                 continue
+            # Keys hold no zero byte, so the first one ends the key.
             head, _, frame = datagram.partition(b"\0")
             self._deliver_frame(head.decode(errors="replace"), frame)
 

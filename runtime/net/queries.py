@@ -35,6 +35,7 @@ def answers_until(
     until = time.monotonic() + wait_s
     while unanswered and (left_s := until - time.monotonic()) > 0.0:
         for key, answer in answers_of(session, tuple(unanswered), payload, longest, left_s):
+            # Several processes may answer under one key; each answer is passed on.
             unanswered.pop(key, None)
             yield key, answer
         if unanswered:

@@ -39,7 +39,10 @@ _LONGEST_RUN = 254
 
 
 def packet(frame: bytes) -> bytes:
-    """Pack a frame of at most `MAX_FRAME` bytes for the line."""
+    """Pack a frame of at most `MAX_FRAME` bytes for the line.
+
+    For example, a frame of 28 bytes takes 32 on the line.
+    """
     return _stuff_bytes(frame + _frame_checksum(frame)) + END
 
 
@@ -90,8 +93,12 @@ def _frame_checksum(frame: bytes) -> bytes:
 
 
 def _stuff_bytes(body: bytes) -> bytes:
-    """Remove zero bytes: before each run of others stands its length plus one."""
+    """Remove zero bytes: before each run of others stands its length plus one.
+
+    For example, the bytes 11 00 22 become 02 11 02 22.
+    """
     runs = body.split(END)
+    # A longer run would need a second length byte, which frames of `MAX_FRAME` bytes never do.
     assert all(len(run) < _LONGEST_RUN for run in runs)
     return b"".join(bytes((len(run) + 1,)) + run for run in runs)
 
@@ -172,16 +179,17 @@ class SerialLine(Carrier):
     def _send_frame(self, frame: bytes) -> None:
         with self._writing:
             # What came before was cut off, so it is ended first.
-            data = (END if self._cut_off else b"") + packet(frame)
+            outgoing = (END if self._cut_off else b"") + packet(frame)
             try:
                 if self._fd is None or _count_waiting(self._fd) > MAX_WAITING:
                     self.dropped += 1
                     return
-                written = os.write(self._fd, data)
+                written = os.write(self._fd, outgoing)
             except OSError:  # the line is down, or full
                 self.dropped += 1
                 return
-            self._cut_off = written < len(data)
+            # The end byte is missing then, so the next frame would be read as a part of this one.
+            self._cut_off = written < len(outgoing)
             self.dropped += self._cut_off
 
     def _run_listener(self) -> None:
@@ -201,14 +209,14 @@ class SerialLine(Carrier):
         if self._over.is_set():
             return b""
         try:
-            data = os.read(fd, _READ)
+            received = os.read(fd, _READ)
         except BlockingIOError:
             return b""
         except OSError:
-            data = b""
-        if not data:
+            received = b""
+        if not received:
             self._take_down()
-        return data
+        return received
 
     def _take_frame(self, frame: bytes) -> None:
         try:
@@ -257,6 +265,7 @@ def _open_line(device: str, speed: int) -> int:
         settings = termios.tcgetattr(fd)
         settings[2] |= termios.CLOCAL | termios.CREAD
         settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS)  # an earlier user of the line may have set them
+        # The speeds of input and output.
         settings[4] = settings[5] = speed
         termios.tcsetattr(fd, termios.TCSANOW, settings)
         termios.tcflush(fd, termios.TCIOFLUSH)

@@ -35,6 +35,7 @@ class Aside(Generic[_Result]):
         self._copy = 0  # its process id; 0 without one
         if not can_fork() or threading.current_thread() is not threading.main_thread():
             return  # what another thread has locked would stay locked in the copy
+        # Only the copy writes; its end closes the pipe, which ends the wait for a result.
         self._source, sink = Pipe(duplex=False)
         parent = os.getpid()
         with sink, suppress(OSError):
@@ -63,13 +64,16 @@ class Aside(Generic[_Result]):
         with self:
             if self._copy:
                 with suppress(EOFError, OSError):
-                    result: _Result = pickle.loads(self._source.recv_bytes())
-                    return result
+                    work_result: _Result = pickle.loads(self._source.recv_bytes())
+                    return work_result
         return self._work()
 
 
 def in_two(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
-    """Do some work for each item, for every other one in a copy, and return the results in the items' order."""
+    """Do some work for each item, for every other one in a copy, and return the results in the items' order.
+
+    For example, of five items the copy does the second and the fourth.
+    """
     with Aside(lambda: [work(item) for item in items[1::2]]) as others:
         own = iter([work(item) for item in items[::2]])
         copied = iter(others.result())

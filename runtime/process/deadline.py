@@ -83,5 +83,6 @@ def _is_deep(frame: FrameType | None) -> bool:
     """Return True if calls are nested more than `MOST_CALLS` deep."""
     calls = 0
     while frame is not None and calls <= MOST_CALLS:
+        # Without the bound, each look at endless recursion would walk all of its frames.
         frame, calls = frame.f_back, calls + 1
     return calls > MOST_CALLS

@@ -69,4 +69,5 @@ def allow_files(count: int, what: str) -> None:
         return
     if hard != resource.RLIM_INFINITY and hard < count:
         raise BadInput(f"{what} needs {count} open files, and the limit is {hard}; raise it: ulimit -n {count}")
+    # Only the soft limit: a process may raise that up to the hard one without any right.
     resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))

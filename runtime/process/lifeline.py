@@ -61,6 +61,7 @@ class Ending:
 
     def ask(self, reason: str) -> None:
         """Ask the process to leave soon; the first reason counts."""
+        # Counted also after the first: handlers look at it.
         self.times += 1
         if not self._asked.is_set():
             self.reason = reason
@@ -94,6 +95,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
 
     def by_signal(number: int, frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
+        # A second signal: whoever sends it waits, perhaps behind a pipe that is full.
         if ending.times > 1:
             _give_up_output()
         if ending.patience is not None and ending.times > ending.patience:

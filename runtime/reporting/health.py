@@ -43,6 +43,7 @@ def _tick_texts(now: HealthReading, before: HealthReading | None) -> list[str]:
         return ["no tick yet"] if QUEUE in now.figures else []
     tick: Any = now.figures[TICK]
     parts = [f"tick {tick:.0f}"]
+    # A rate needs two readings with a tick in each.
     if before is not None and TICK in before.figures and now.at > before.at:
         parts.append(f"{(tick - before.figures[TICK]) / (now.at - before.at):.1f} ticks/s")
     return parts

@@ -146,7 +146,10 @@ def crashed(error: BaseException) -> None:
 
 
 def _level_of(number: int) -> str:
-    """Return the name of the highest of `LEVELS` that a level reaches, or else of the lowest."""
+    """Return the name of the highest of `LEVELS` that a level reaches, or else of the lowest.
+
+    For example, 25 is "info", 50 "error" and 5 "debug".
+    """
     return logging.getLevelName(min(max(number // 10 * 10, logging.DEBUG), logging.ERROR)).lower()
 
 

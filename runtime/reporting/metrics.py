@@ -39,7 +39,10 @@ _READ_BYTES = 1024
 
 
 def render(figures: Mapping[Figure, Value], labels: Mapping[str, str]) -> bytes:
-    """Write the figures in Prometheus' text format, version 0.0.4; each number gets all the labels."""
+    """Write the figures in Prometheus' text format, version 0.0.4; each number gets all the labels.
+
+    For example, a line may read ``fogwatch_tick{process="world"} 12``.
+    """
     lines = []
     for figure, value in figures.items():
         lines += [f"# HELP {figure.name} {figure.says}", f"# TYPE {figure.name} {figure.kind}"]
@@ -60,6 +63,7 @@ def _number_text(number: float) -> str:
         return "NaN"
     if math.isinf(number):
         return "+Inf" if number > 0 else "-Inf"
+    # All digits: counters grow large, and a rounded one would seem to stand still.
     return repr(number)
 
 
@@ -135,6 +139,7 @@ class MetricsServer:
         while True:
             with suppress(OSError):  # it has gone already, or this process has no descriptor left
                 end, _ = await self._loop.sock_accept(self._listening)
+                # Oldest first, as they came.
                 connections = [task for task in connections if not task.done()]
                 connections.append(self._loop.create_task(self._serve_connection(end)))
                 if len(connections) > MOST_CONNECTIONS:
@@ -168,6 +173,7 @@ class MetricsServer:
     def _render_metrics(self) -> bytes:
         now = time.monotonic()
         made_s, text = self._text
+        # Several readers that ask at once cost as much as one.
         if now - made_s > KEEP_S:
             text = render(self._vitals.read(), self._labels)
             self._text = now, text

@@ -107,28 +107,29 @@ class Vitals:
 
     def read(self) -> dict[Figure, Value]:
         """Read all figures that are known now."""
-        values: dict[Figure, Value] = {}
+        figures: dict[Figure, Value] = {}
+        # Read once: the loop may replace it meanwhile, and all of its figures belong together.
         beat = self._beat
         if beat is not None:
-            values |= beat.figures
-            values |= {TICKS: beat.ticks, SINCE_TICK: self._now() - beat.at}
+            figures |= beat.figures
+            figures |= {TICKS: beat.ticks, SINCE_TICK: self._now() - beat.at}
         for figure, read in list(self._probes):
             with suppress(Exception):  # what it is read from may be closing; the others still count
                 if (value := read()) is not None:
-                    values[figure] = _add_values(values.get(figure), value)
-        return values | self._of_the_process()
+                    figures[figure] = _add_values(figures.get(figure), value)
+        return figures | self._of_the_process()
 
     def _of_the_process(self) -> dict[Figure, Value]:
-        values: dict[Figure, Value] = {
+        figures: dict[Figure, Value] = {
             VERSION: {self._version: 1},
             STARTED: self._began,
             PROCESSOR: time.process_time(),
             THREADS: threading.active_count(),
         }
         with suppress(OSError, ValueError, LookupError):  # only Linux shows these
-            values[MEMORY] = _resident_bytes()
-            values[FILES] = sum(1 for _ in Path("/proc/self/fd").iterdir())
-        return values
+            figures[MEMORY] = _resident_bytes()
+            figures[FILES] = sum(1 for _ in Path("/proc/self/fd").iterdir())
+        return figures
 
 
 def version() -> str:

@@ -146,6 +146,7 @@ def private_roots() -> list[Path]:
 def is_private(folder: Path) -> bool:
     """Return True if a path is a folder of this user's own, and no link, that no other user can look into."""
     try:
+        # Not stat: a link of another user's may lead to a folder that is this user's own.
         status = folder.lstat()
     except OSError:
         return False

@@ -123,17 +123,21 @@ class ControlGate:
             mac, _compute_mac(self._token, b"request", self._fleet, run, nonce, ticket, control)
         ):
             raise RequestRefused("the request's sender does not know the token")
+        # The ticket says when it was made, and its tag shows below that this world has said so.
         made_ms = _TICKET.unpack(ticket)[0]
         until = made_ms / 1000.0 + LIFETIME_S
         if not hmac.compare_digest(ticket, self._make_ticket(made_ms, nonce)) or self._now() > until:
             raise RequestRefused("the request's ticket is not ours or too old")
+        # Only a request whose MAC is right gets here, so strangers cannot fill the memory.
         before = self._obeyed.get(nonce)
+        # The same nonce with the same MAC is the same request, sent again.
         if before is not None and before.mac != mac:
             raise RequestRefused("the request's nonce was used before")
         if before is None:
             self._make_room()
 
         def seal(answer: Answer) -> bytes:
+            # Cut, so that the answer stays below `MAX_ANSWER` whatever it says.
             text = json.dumps({"done": answer.done, "text": answer.text[:_MAX_TEXT]}).encode()
             sealed = _compute_mac(self._token, b"answer", self._fleet, run, nonce, ticket, control, text) + text
             self._obeyed[nonce] = _Obeyed(until, mac, sealed)
@@ -252,7 +256,10 @@ def _read_answer(said: bytes) -> Answer | None:
 
 
 def _compute_mac(token: str, what: bytes, fleet: str, run: int, *parts: bytes) -> bytes:
-    """HMAC-SHA256 over the parts, each after its length, so that no two lists of parts give the same bytes."""
+    """HMAC-SHA256 over the parts, each after its length, so that no two lists of parts give the same bytes.
+
+    For example, the parts "ab" and "c" give another MAC than "a" and "bc".
+    """
     framed = (b"fogwatch control", what, fleet.encode(), struct.pack("<Q", run), *parts)
     message = b"".join(struct.pack("<I", len(part)) + part for part in framed)
     return hmac.digest(token.encode("utf-8", "surrogatepass"), message, "sha256")

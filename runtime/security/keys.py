@@ -99,6 +99,8 @@ def robot_of(key: str) -> str:
     """Return the robot's name in a key; empty for a key that has none.
 
     Keys of `tick`, `reply`, `alive`, `telemetry` and `position` have one.
+
+    For example, "r1" in ``fogwatch/yard/position/r1`` and in ``fogwatch/yard/robot/r1/tick``.
     """
     parts = key.split("/")
     if len(parts) == 5 and parts[2] == "robot":
@@ -127,13 +129,16 @@ def check_locators(locators: str, option: str) -> str:
 
 
 def address_of(locator: str) -> tuple[str, int]:
-    """Return host and port of a locator, such as ``quic/[::1]:7447?mixed_rel=1``."""
+    """Return host and port of a locator; for example, ("::1", 7447) for ``quic/[::1]:7447?mixed_rel=1``."""
     host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
     return host.strip("[]"), int(port)
 
 
 def is_no_host(host: str) -> bool:
-    """Return True if a host is an address that no machine has, such as a group's, or numbers that are no address."""
+    """Return True if a host is an address that no machine has, such as a group's, or numbers that are no address.
+
+    For example, True for ``224.0.0.1`` and for ``1.2.3``, and False for ``192.168.1.10`` and ``robot-3``.
+    """
     try:
         address = ipaddress.ip_address(host)
     except ValueError:

@@ -97,6 +97,7 @@ def read_mesh(file: Path, option: str) -> Mesh:
     for user, address in places.items():
         role_of(user, f"{where}: places")
         check_place(address, f"{where}: places: {user}:")
+    # Gossip needs a first member whose address is known.
     if not places:
         raise BadInput(f"{where}: names no address; give a robot one: fogwatch fleet revoke and add NAME --host HOST")
     return Mesh(fleet, {name: role_of(user, f"{where}: members") for name, user in members.items()}, places)
@@ -129,7 +130,10 @@ def is_address(place: str) -> bool:
 
 
 def everywhere(place: str) -> str:
-    """Return the locator to listen on at a place's port, where its address is not this machine's: on all addresses."""
+    """Return the locator to listen on at a place's port, where its address is not this machine's: on all addresses.
+
+    For example, ``quic/0.0.0.0:7447?mixed_rel=1`` for ``quic/robot-1.lan:7447?mixed_rel=1``.
+    """
     host, port = address_of(place)
     protocol, _, tail = place.partition("/")
     _, mark, reliability = tail.partition("?")

@@ -35,6 +35,8 @@ def _is_exposed(file: Path, mode: int) -> bool:
 
     A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
     user. Such a list shows in the mode as a right of the group to read.
+
+    For example, mode 640 is refused for a file of one's own, and allowed in such a folder.
     """
     given_folder = os.environ.get(GIVEN)
     allowed = 0o040 if given_folder and file.parent == Path(given_folder) else 0
@@ -63,6 +65,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
 
 def write_private(file: Path, text: str) -> None:
     """Write a new file that only its owner may read."""
+    # The mode is given at once: changed later, the file would be open to others for a moment.
     descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
         opened.write(text)
@@ -70,18 +73,18 @@ def write_private(file: Path, text: str) -> None:
 
 def text_in(says: Mapping[str, Any], what: str, name: str, where: str) -> str:
     """Return the text of a field that must be there. Raises BadInput."""
-    value = says.get(name)
-    if not isinstance(value, str) or not value:
+    text = says.get(name)
+    if not isinstance(text, str) or not text:
         raise BadInput(f'{where}: expected "{name}", the {what}; {REMEDY}')
-    return value
+    return text
 
 
 def option_in(says: Mapping[str, Any], name: str, where: str) -> str | None:
     """Return the text of a field that may be missing. Raises BadInput."""
-    value = says.get(name)
-    if value is not None and not isinstance(value, str):
+    text = says.get(name)
+    if text is not None and not isinstance(text, str):
         raise BadInput(f"{where}: {name}: expected a text; {REMEDY}")
-    return value
+    return text
 
 
 def replace_private(file: Path, text: str) -> None:

@@ -88,10 +88,14 @@ def robot_role(name: str) -> Role:
 
 
 def role_of(user: str, where: str) -> Role:
-    """Return the role whose `Role.user` is the given name."""
+    """Return the role whose `Role.user` is the given name.
+
+    For example, "robot-r1" is the role of the robot r1, and "viewer" that of a viewer.
+    """
     kind, dash, name = user.partition("-")
     if dash and kind == Kind.ROBOT:
         return robot_role(name)
+    # Only robots have a name behind a dash, and none of them has no name.
     if dash or kind == Kind.ROBOT or kind not in list(Kind):
         raise BadInput(f"{where}: {user!r}: no role of a fleet; expected world, viewer, operator or robot-NAME")
     return Role(Kind(kind))
@@ -220,5 +224,6 @@ def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[
     return [
         rule(f"{name} {part}", [flow], expressions, messages)
         for part, flow, messages, expressions in rule_parts
+        # A rule without expressions would match nothing, and Zenoh refuses it.
         if expressions
     ]

@@ -34,10 +34,11 @@ def own_environment() -> dict[str, str]:
     ``python -m agent`` looks for `agent` before any code of ours runs, so only the order of folders can decide.
     """
     environment = dict(os.environ)
-    if value := environment.get("PYTHONPATH"):
-        folders = value.split(os.pathsep)
+    if searched := environment.get("PYTHONPATH"):
+        folders = searched.split(os.pathsep)
         hiding = next((index for index, folder in enumerate(folders) if _hides_a_package(folder)), None)
         if hiding is not None:
+            # Just before the one that hides ours, so that all others keep their order.
             folders.insert(hiding, HOME)
             environment["PYTHONPATH"] = os.pathsep.join(folders)
     return environment
@@ -71,6 +72,7 @@ def show_as(words: Sequence[str]) -> None:
     Where the system does not say where it stands, nothing changes.
     """
     with suppress(OSError, ValueError, IndexError):
+        # The second field is the program's name in brackets, which may hold blanks and brackets itself.
         fields = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()
         start, end = (int(fields[number - _NAMED - 1]) for number in (_START, _END))
         if 0 < start < end:

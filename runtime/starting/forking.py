@@ -80,12 +80,14 @@ def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
     """
     control = socket.socket(fileno=descriptor)
     while True:
+        # Without a descriptor the other end is closed: each request brings one.
         _, descriptors, _, _ = socket.recv_fds(control, len(_ASK), 1)
         if not descriptors:
             return None
         with socket.socket(fileno=descriptors[0]) as channel:
             between = os.fork()
             if between == 0:
+                # A process that kept it would make the server seem alive after its end.
                 control.close()
                 return _become_process(channel)
             if os.waitpid(between, 0)[1] == 0:
@@ -100,6 +102,7 @@ def _become_process(own: socket.socket) -> tuple[Orders, int] | None:
             own.sendall(new_pid.to_bytes(_PID_BYTES, "little"))
         finally:
             os._exit(0)
+    # A session of its own: signals to the group of the server do not reach it.
     os.setsid()
     with suppress(OSError, ValueError):  # the asking process has gone, perhaps in the middle of the orders
         message, descriptors, _, _ = socket.recv_fds(own, _CHUNK, 1)
@@ -131,6 +134,7 @@ def ask_for_fork(control: socket.socket, orders: Orders, output: int) -> int:
         os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)  # raises where it is another's child
         message = json.dumps(asdict(orders)).encode()
         sent = socket.send_fds(ours, [message], [output])
+        # The first call may send only a part, of orders with a large environment.
         ours.sendall(message[sent:])
     return pid
 

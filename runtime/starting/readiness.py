@@ -78,6 +78,7 @@ class StartPipe:
         if self._report is None and not self.ended and select.select([self._end], [], [], timeout_s)[0]:
             arrived = os.read(self._end, _READ_BYTES)
             self._bytes += arrived
+            # A pipe that can be read and gives nothing is at its end.
             self.ended = not arrived
             line, newline, _ = self._bytes.partition(b"\n")
             if newline:

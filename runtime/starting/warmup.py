@@ -84,6 +84,7 @@ def warm(
     """
     if missing_kernels(packages, also):
         with _lock_cache(cache_home(), say):
+            # Asked again: another process may have compiled them while this one waited.
             if todo := missing_kernels(packages, also):
                 say(COMPILING)
                 compile_modules(todo, show or _progress_lines(say))
@@ -112,7 +113,10 @@ def kernel_files(package: str) -> dict[str, Path]:
 
 
 def progress_line(compiled: Compiled) -> str:
-    """Describe for people how far compiling is."""
+    """Describe for people how far compiling is.
+
+    For example, "compiling the kernels: 12 of 40, about 9 s to go".
+    """
     time_left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
     return f"compiling the kernels: {compiled.kernels} of {compiled.of}{time_left}"
 

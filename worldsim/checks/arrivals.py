@@ -142,7 +142,11 @@ class OnTime(Check):
         return (max(lowest, at_once_s), greatest) if delayers else (lowest, min(greatest, at_once_s))
 
     def _heard_in(self, k: int, seconds: float) -> float:
-        """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
+        """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds.
+
+        For example, with steps of 0.5 s a frame that takes 0.1 s is heard in tick k, and one that takes 0.6 s in tick k
+        + 1.
+        """
         if math.isinf(seconds):
             return math.inf
         # Rounding must not put a frame off to the next tick.
@@ -157,6 +161,7 @@ class OnTime(Check):
             late = "once too often" if first is None else f"and should not have before tick {first:g}"
             self._fail_frame(link, f"arrived in tick {k} {late}")
             return
+        # The one that closes first: any other choice could leave a copy that is due without an arrival.
         spans.remove(min(fitting, key=lambda span: span[1]))
         if not spans:
             del self._due[link]
@@ -192,6 +197,7 @@ class LinkDraws:
         order = np.lexsort((source, to))
         before[2, order[1:]] = (hit[order][:-1]) & (to[order][1:] == to[order][:-1])
         now[source, to] = self._hit[source, to] = hit
+        # Only the link that was drawn first can have come before the one back.
         before[4] = now[to, source] & (to < source)
         for series, counts in zip(self.series, before, strict=True):
             series.draws += int(np.count_nonzero(counts))
@@ -283,6 +289,7 @@ class LossesAsAsked(ShareCheck):
             self._lost[entry.index] += hits
             draws = self._draws[entry.index]
             if len(draws) == 1:
+                # A frame that an earlier loss stopped never got as far as this one's draw.
                 tried = reached & ~mark_among(_keys(sent), _keys(dropped)[before]) if before.any() else reached
                 links = np.column_stack((sent.source, sent.destination))
                 draws[0].add(links[tried], mark_among(_keys(sent)[tried], _keys(dropped)[lost]))
@@ -371,6 +378,7 @@ class DelaysAsAsked(ShareCheck):
                 for ticks, draws in self._patience[entry.index] if waiting[entry.index] else ():
                     self._until[record.k + ticks].append((draws, sorted(waiting[entry.index])))
         for link in arrived(record) if self._awaited else ():
+            # A copied frame arrives twice; it is awaited until its second arrival.
             if self._awaited.pop(link, 0) == 2:
                 self._awaited[link] = 1
         for draws, links in self._until.pop(record.k, ()):
@@ -378,7 +386,10 @@ class DelaysAsAsked(ShareCheck):
 
 
 def alarm_of(timeline: Timeline) -> float:
-    """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally."""
+    """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally.
+
+    For example, 2e-10 for a single loss without bursts, which makes five series.
+    """
     lasting = {Reorder: 1, Delay: len(QUANTILES), Duplicate: 1 + len(QUANTILES)}
     draws = sum(
         (1 if entry.fault.mean_burst is None else 3)
@@ -422,7 +433,10 @@ def longer(wait: Wait, seconds: float) -> float:
 
 
 def _find_quantile(wait: Wait, share: float) -> float:
-    """Return the time that a share of waits is shorter than, s; at least 0."""
+    """Return the time that a share of waits is shorter than, s; at least 0.
+
+    For example, 1.5 s for a share of 0.75 and ``uniform: [0, 2]``.
+    """
     first, *parameters = wait.values
     match wait.shape:
         case "uniform":
@@ -440,6 +454,8 @@ def _mark_links(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
 
 def _keys(links: Links | Drops) -> NDArray[np.int64]:
     """Return a number for each link of each frame."""
+    # 15 bits for the source keep the number positive; sequences beyond 32 bits are of forged frames, which are left
+    # out.
     return (links.source << 48) | (links.destination << 32) | links.sequence
 
 

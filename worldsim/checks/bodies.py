@@ -60,6 +60,7 @@ class BodiesApart(Check):
         self._looked += len(here)
         places = np.array([(robot.x, robot.y) for robot in here], dtype=np.float64).reshape(-1, 2)
         radii = [self._specs[robot.number].radius for robot in here]
+        # In the order of x, so that only neighbours along it are compared.
         i, j = first_overlap(places, np.array(radii, dtype=np.float64), np.argsort(places[:, 0]), SLACK)
         if i < len(here):
             pair = f"{self._name(here[i].number)} and {self._name(here[j].number)}"
@@ -69,6 +70,7 @@ class BodiesApart(Check):
         for robot, radius in zip(here, radii, strict=True):
             pose = Pose(robot.x, robot.y, robot.heading)
             # Less than the radius by a slack, so that touching a wall is no overlap.
+            # A move of no length: free unless the body overlaps a wall where it stands.
             if free_fraction(terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
                 where = f"({robot.x:.3f}, {robot.y:.3f})"
                 self._fail(f"{self._name(robot.number)} is over a wall at tick {record.k}, at {where}")
@@ -113,6 +115,7 @@ class MovesAreTrue(Check):
                 self._fail(f"{spec.name} {problem} at tick {record.k}")
                 return
             moves = not row.bumped and not is_halt(driven[row.number])
+            # The next tick's poses are compared with these.
             self._due[row.number] = advance(pose, driven[row.number], self._step) if moves else pose
             self._looked += 1
 

@@ -137,7 +137,10 @@ class JudgedRun:
         return self.prepared.scenario.spares | joining
 
     def lost_in(self, k: int) -> set[int]:
-        """Return the robots that were lost in a tick, by the events before the next."""
+        """Return the robots that were lost in a tick, by the events before the next.
+
+        For example, robots whose "lost" event has k = 8 were lost in tick 7.
+        """
         lost = Status.LOST.name.lower()
         return {e.robot for e in self.journal.events if e.k == k + 1 and e.kind == lost and e.robot is not None}
 
@@ -165,7 +168,11 @@ class JournalReading(ABC):
         """Take in the next tick."""
 
     def _events_before(self, k: int) -> Sequence[Event]:
-        """Return the events before a tick that were not returned yet."""
+        """Return the events before a tick that were not returned yet.
+
+        For example, the first call with k = 3 gives all events up to tick 3, and one with k = 4 after it those of tick
+        4 alone.
+        """
         events, first = self._run.journal.events, self._events_read
         while self._events_read < len(events) and events[self._events_read].k <= k:
             self._events_read += 1
@@ -221,6 +228,7 @@ class Check(JournalReading):
 
     def _fail(self, problem: str) -> None:
         """Note a problem; the first is kept."""
+        # Later problems often follow from the first.
         self._problem = self._problem or problem
 
     def _active(self, k: int) -> list[Entry]:
@@ -276,7 +284,11 @@ FAMILY = 1e-9
 
 
 def evidence(hits: int, draws: int, p: float) -> float:
-    """Return ln E, with E as in the module's docstring; infinite where p excludes the hits."""
+    """Return ln E, with E as in the module's docstring; infinite where p excludes the hits.
+
+    For example, 0 without draws, and infinite for a hit with p = 0.
+    """
+    # Also keeps the logarithms below finite.
     if (p <= 0.0 and hits) or (p >= 1.0 and hits < draws):
         return math.inf
     under = 0.0

@@ -75,6 +75,7 @@ class ClosuresKept(Check):
                     self._fail(f"{spec.name} is open at tick {record.k}, when it is to be closed and nobody is in it")
             if is_closed:
                 for robot in here:
+                    # The check is by the polygon, though closed points reach a little beyond it.
                     if self._measure_depth(robot, spec.name) > SLACK_M:
                         where = f"({robot.x:.3f}, {robot.y:.3f})"
                         name = self._name(robot.number)
@@ -118,6 +119,7 @@ class ClosuresKept(Check):
     def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
         rate = (spec.opens if self._by_draws[number] else spec.closes) or 0.0
         drawn = draw(self._run.prepared.scenario.seed, Purpose.GROUND, number, k)
+        # One draw a tick and closure, in any case, so that faults do not change what comes after them.
         self._by_draws[number] ^= 1.0 - drawn > math.exp(-rate * self._step)
         in_force = [(e.begin, e.index, f) for e, f in self._faults if active(e, k) and f.part == spec.name]
         if in_force:
@@ -129,11 +131,15 @@ class ClosuresKept(Check):
 
 
 def _measure_gap(corners: NDArray[np.float64], robot: RobotTick) -> float:
-    """Return the distance of a body's centre from a polygon, m; 0 inside."""
+    """Return the distance of a body's centre from a polygon, m; 0 inside.
+
+    For example, 0.5 for a centre at (1.5, 0.5) beside the square from (0, 0) to (1, 1).
+    """
     if is_inside(corners, robot.x, robot.y):
         return 0.0
     here = np.array((robot.x, robot.y))
     side = np.roll(corners, -1, axis=0) - corners
+    # Two corners at the same place make a side without length.
     square = np.maximum((side**2).sum(axis=1), 1e-18)
     share = np.clip(((here - corners) * side).sum(axis=1) / square, 0.0, 1.0)
     return float(np.hypot(*(corners + share[:, None] * side - here).T).min())

@@ -110,6 +110,7 @@ class SensesAsAsked(Check):
         now = self._active(record.k)
         rows = {row.number: row for row in record.robots}
         for source, frame in record.frames:
+            # A forger's frames are judged by their own check.
             if source == FORGED or source not in rows:
                 continue
             try:
@@ -183,6 +184,7 @@ class SensesAsAsked(Check):
 
     def _compare_place(self, k: int, number: int, reports: _Reports, said: Place, due: Place) -> None:
         """Compare a place with those since the last jump under the same drifts, and add it to these."""
+        # Before any jump the error is bias and growth alone, which are known.
         segment = reports.now if reports.now.jumps else _Segment(0, math.inf)
         if not segment.count:
             if all(self._is_inland(coordinate, axis, 0.0) for axis, coordinate in enumerate(said)):

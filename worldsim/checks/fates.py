@@ -59,7 +59,10 @@ BEFORE_THE_AIR = causes_before(Loss)
 
 
 def _list_sequences(record: TickRecord) -> Iterator[tuple[int, int, int]]:
-    """Yield the source and the sequence of each frame of a tick, and its place among those of its source."""
+    """Yield the source and the sequence of each frame of a tick, and its place among those of its source.
+
+    For example, in tick 7 a robot's position and contact give (1, 7, 0) and (1, 536870919, 1).
+    """
     places: Counter[int] = Counter()
     for source, _ in record.frames:
         yield source, frame_sequence(record.k, places[source]), places[source]
@@ -177,6 +180,7 @@ class DropsExplained(Check):
                 applies = now & np.array([(source, sequence) in long for source, _, sequence, _ in dropped])
             else:
                 applies = now & self._mark_dropped(why, origins, dropped, record.k)
+            # Cause by cause: a tick has many drops and few causes.
             right |= (dropped.cause == number) & applies
         if not right.all():
             source, to, sequence, why = dropped[int(right.argmin())]
@@ -213,6 +217,7 @@ def _find_origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -
     is_position = (dropped.sequence == k) & np.isin(dropped.source, positions)
     origins = np.where(is_position, dropped.source, NO_ROBOT)
     for row in np.flatnonzero(~is_position):
+        # A drop of a frame that was never sent has no origin and is caught by its cause.
         origins[row] = sent.get((int(dropped.source[row]), int(dropped.sequence[row])), NO_ROBOT)
     return origins
 
@@ -283,7 +288,10 @@ class _Leaky:
         return max(LEAST_BUCKET, self.per_s)
 
     def leak(self, step: float) -> None:
-        """Let time pass, s."""
+        """Let time pass, s.
+
+        For example, of 50 bytes at 20 bytes/s 40 are left after 0.5 s.
+        """
         self.least, self.most = (max(level - self.per_s * step, 0.0) for level in (self.least, self.most))
 
 
@@ -344,6 +352,7 @@ class WithinBandwidth(Check):
                 bucket.least += size
                 self._bytes += size
             # It may have counted, even if other faults stopped it on every link.
+            # More than the bucket holds cannot have been sent.
             bucket.most = min(bucket.most + size, bucket.room)
             if bucket.least > bucket.room + ROUNDING_BYTES:
                 self._fail(f"{self._name(number)} exceeded {bucket.per_s:g} bytes/s in tick {k}")

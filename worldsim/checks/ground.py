@@ -119,6 +119,7 @@ class FogIsTrue(Check):
     def _end(self) -> str:
         if self._last is not None and not self._problem:
             k, seen_at = self._last.k, self._fog.last_seen[self._fog.patrolled != 0]
+            # Ground that was never seen counts from the run's beginning.
             since = np.maximum(seen_at, 0)
             mean = k - int(since.sum(dtype=np.int64)) / since.size
             self._compare_figures(self._last, (k - int(since.min()), mean, int(np.count_nonzero(seen_at >= 0))))

@@ -208,9 +208,12 @@ class Used:
     def use(self, rows: NDArray[np.int64], column: int, sequence: int) -> NDArray[np.bool_]:
         """Note that robots accept a sequence of a sender; return whether each had before.
 
+        For example, the sequence 10 is bit 2 of part 1.
+
         `rows`, int64 (n,), are the robots' places in the roster, and `column` is the sender's. The sequence is less
         than the number of ticks.
         """
+        # A byte for eight sequences of each pair: a long run of a large fleet fits into memory.
         part, bit = sequence // 8, np.uint8(1 << sequence % 8)
         if part not in self._bits:
             self._bits[part] = np.zeros((self._robots, self._robots), dtype=np.uint8)
@@ -310,6 +313,7 @@ class Hearing(Check):
             for row, is_again in zip(rows.tolist(), again.tolist(), strict=True):
                 number = intake.listeners[row]
                 # Its place among the frames that this robot heard, the forged ones first.
+                # `said` has each frame once, whichever robots heard it.
                 index = int(np.count_nonzero(intake.heard[row, :column]))
                 if index < len(forged.get(number, ())):
                     forgery = AcceptedForgery(number, forged[number][index], position, is_again)

@@ -106,6 +106,7 @@ class FaultsOnTime(Check):
         )
         numbers = {name: number for number, name in self._run.names.items()}
         for entry in self._entries:
+            # Sorted: a fault may name robots in any order.
             if any(sorted(robots) != sorted(numbers[name] for name in names) for names, robots in _list_named(entry)):
                 self._fail(f"{entry.id} acts on other robots than it names")
         return f"{len(self._entries)} faults scheduled by their `at` and `for`"
@@ -118,7 +119,10 @@ def _begins_on_time(entry: Entry, step: float) -> bool:
 
 
 def _ends_on_time(entry: Entry, step: float) -> bool:
-    """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
+    """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick.
+
+    For example, with steps of 0.5 s, 3 ticks for 1.25 s, 2 ticks for 1.2 s, and 1 tick for 0.1 s.
+    """
     fault = entry.fault
     if not isinstance(fault, Lasting):
         return entry.end == entry.begin
@@ -190,6 +194,7 @@ class ExitCodes(Check):
                         codes[process_name(name, incarnation)] = KILLED
                     case "left":
                         is_alive = False
+            # A process may have been started so late that no event tells of it.
             codes[process_name(name, incarnation + 1)] = None
         return codes
 
@@ -228,6 +233,7 @@ class PausedStandStill(Check):
         for event in self._run.journal.events:
             if event.robot is None:
                 continue
+            # The look of a pause comes right after the pause's own event, so it belongs to the last entry.
             if event.kind == LOOKED_AT and looks and (*looks[-1][:2], looks[-1][3]) == (event.k, event.robot, ""):
                 looks[-1] = (*looks[-1][:3], event.detail)
             if event.kind == paused:
@@ -285,6 +291,7 @@ class DirectLinks(Check):
         counts = reported(self._run.journal)
         for hearer, report in counts.items():
             for sender, count in report["heard"].items():
+                # A sender that did not report at its end may have sent more than it last said.
                 if sender in counts and counts[sender]["final"] and count > counts[sender]["sent"]:
                     self._fail(f"{hearer} heard {count} frames of {sender}, which sent {counts[sender]['sent']}")
         sums = totals(links_of(counts).values())

@@ -248,6 +248,7 @@ class ProgressCheck(Check):
     def _describe_unseen(self, never: int, took_s: float) -> str:
         terrain = self._run.prepared.terrain
         labels, count = parts_of(self._never_seen())
+        # The largest piece is named, as the one that a policy most likely never went to.
         sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
         # Label 0 is the ground that was seen.
         sizes[0] = 0

@@ -72,6 +72,8 @@ class Sightlines:
     def crossings(self, a: Place, b: Place) -> tuple[int, int]:
         """Return the least and the greatest number of walls that a line crosses, however thick they are.
 
+        For example, (1, 2) for a line that crosses one wall and grazes the corner of another.
+
         The line is cut into columns, or into rows where it is steeper than its diagonals. A wall is an unbroken stretch
         of these in which the line touches points of wall. One in which the line only grazes them may count or not.
         """
@@ -79,7 +81,10 @@ class Sightlines:
         return min(lowest for lowest, _ in counts), max(greatest for _, greatest in counts)
 
     def _find_cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
-        """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
+        """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways.
+
+        For example, a line from (0, 0) to (4, 1) points is cut into columns, and one from (0, 0) to (1, 4) into rows.
+        """
         ends = ([(end[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for end in (a, b))
         (x0, y0), (x1, y1) = ends
         by_column, by_row = self._sums
@@ -136,6 +141,7 @@ class WithinReach(Check):
         assert isinstance(fault, Range)
         if math.dist(a, b) > fault.reach + (ROUNDING_M if sure else -ROUNDING_M):
             return True
+        # Narrowed, it touches only walls that are in the way for sure.
         margin = -GRAZING_M if sure else GRAZING_M
         return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
 
@@ -167,6 +173,7 @@ class PathLossAsAsked(Check):
         self._places = {row.number: (row.x, row.y) for row in record.robots}
         self._powers = {}
         redraw = self._options.redraw
+        # The margin: 165 steps of 0.1 s by a redraw of 1.1 s give a little less than 15 in binary.
         window = 0 if redraw is None else math.floor(record.k * self._step / redraw + 1e-9)
         if window != self._window:
             self._window = window
@@ -209,6 +216,7 @@ class PathLossAsAsked(Check):
         overlapping: dict[tuple[int, int], list[tuple[int, tuple[int, int]]]] = {}
         for index, (moment, origin, frame) in enumerate(by_moment):
             for next_moment, later_origin, following in by_moment[index + 1 :]:
+                # Sorted by their moments: no later frame overlaps this one either.
                 if next_moment - moment >= airtime:
                     break
                 if origin != later_origin:
@@ -243,6 +251,7 @@ class PathLossAsAsked(Check):
             a, b = self._places[origin], self._places[to]
             clear = options.power - options.reference - 10.0 * options.exponent * math.log10(max(math.dist(a, b), 1.0))
             walls = self._sightlines.crossings(a, b) if options.wall > 0.0 else (0, 0)
+            # Shadowing differs by direction, while walls and distance do not, so one sightline serves both.
             for link in ((origin, to), (to, origin)):
                 if link not in self._shadowing:
                     self._shadowing[link] = gauss(self._seed, Purpose.RADIO, _SHADOWING, self._window, *link)
@@ -251,8 +260,12 @@ class PathLossAsAsked(Check):
         return self._powers[origin, to]
 
     def _find_probability(self, margin: float) -> float:
-        """Return the probability with which a frame is received."""
+        """Return the probability with which a frame is received.
+
+        For example, 0.5 with a margin of 0 dB.
+        """
         edge = self._options.edge
         if edge == 0.0:
             return float(margin >= 0.0)
+        # The same curve as 1 / (1 + exp(-x)), which would overflow for a large negative margin.
         return 0.5 * (1.0 + math.tanh(0.5 * margin / edge))

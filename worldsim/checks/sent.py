@@ -108,6 +108,7 @@ class DueFrames:
 
     def _due(self, known: _Known, now: Position, *, sees: bool) -> bool:
         silent = now.sequence - known.since
+        # False counts as 0 and True as 1: the time for one frame, or for all that can be saved.
         if silent < self._earns_in[sees]:
             return False
         if self._error is None or silent >= self._silence:
@@ -275,6 +276,7 @@ class WithinBudget(Check):
             cost = BITS * (len(frame) + self._budget.overhead)
             bits += cost
             self._longest = max(self._longest, len(frame))
+            # Before the comparison: a robot may use all that it has, to the bit.
             self._left[source] -= cost
             name, frame_limit = self._name(source), self._budget.frame
             if len(frame) > frame_limit:
@@ -430,7 +432,10 @@ def _has_payload(entry: Entry, payload: str) -> bool:
 
 
 def _count_ticks(seconds: float, step: float) -> int:
-    """Return the least number of whole ticks, at least one, that is not less than a time; 0 for no time."""
+    """Return the least number of whole ticks, at least one, that is not less than a time; 0 for no time.
+
+    For example, 3 for 1.2 s with steps of 0.5 s, and 2 for 1.0 s.
+    """
     # Rounding must not add a tick to a time that is a whole number of them.
     near = max(round(seconds / step), 1)
     return (near if near * step >= seconds - 1e-9 * step else near + 1) if seconds else 0

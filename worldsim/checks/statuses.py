@@ -68,6 +68,7 @@ class ExpectedStatuses(JournalReading):
                 self._status[number] = Status.LOST
         for act in self._list_acts(record.k):
             self._apply_act(act)
+        # A copy, since those that come are removed on the way.
         for number in list(self._coming):
             self._bring_in(number, rows)
         for number, row in rows.items():

@@ -107,6 +107,7 @@ class SlowZonesKept(ZoneCheck):
                 speed = self._run.command(row).speed_mps
                 self._judge_zone(record.k, row, zone, speed * self._step)
             else:
+                # The next tick's pose says how far it gets.
                 self._moving[row.number] = row, zone
 
     def _find_slowest(self, row: RobotTick, time_s: float) -> ZoneSpec | None:
@@ -152,6 +153,7 @@ class ZoneTimesTold(Check):
         k, kinds = record.k, (IN_FORCE, OUT_OF_FORCE)
         in_journal = [(event.detail, event.kind) for event in self._events_before(k) if event.kind in kinds]
         in_force = {name for name, times in self._times.items() if is_within(times, k * self._step)}
+        # At tick 0 nothing has changed yet, so zones that are in force from the beginning have no event.
         turned = in_force ^ self._held if k else set()
         wanted = [(name, IN_FORCE if name in in_force else OUT_OF_FORCE) for name in self._times if name in turned]
         for name, kind in wanted:

@@ -55,6 +55,7 @@ class Acts:
         if status is Status.ALIVE or number in self._coming:
             return True
         for act in self._world.timeline.acts_on(number, self._world.tick + 1):
+            # An act that makes no sense by then is skipped, as in the run.
             if status in APPLIES[act.kind]:
                 status = BECOMES[act.kind]
             if status is Status.ALIVE:
@@ -69,6 +70,7 @@ class Acts:
     def due(self) -> Iterator[Event]:
         """Do what is due before the next tick, and yield what happened, as it happens."""
         timeline, k = self._world.timeline, self._world.tick
+        # Faults that end come first: one may begin in the tick in which another ends.
         yield from (*timeline.endings(k), *timeline.beginnings(k))
         for act in timeline.acts(k):
             if self._control is not None:
@@ -106,6 +108,7 @@ class Acts:
                     control.kill(number)
                     yield world.stand_down(number, Status.DEAD, reason)
                 body.incarnation += 1
+                # It takes part only once its process has come and its place is free.
                 control.start(number, body.incarnation)
                 self._coming[number] = f"{reason}: process {body.incarnation}"
 
@@ -125,6 +128,7 @@ class Acts:
             return
         body = world.bodies[number]
         if body.away and (blockers := world.in_the_way(number)):
+            # Said once, however many ticks it waits.
             if number not in self._waiting:
                 self._waiting.add(number)
                 yield Event(world.tick, WAITING, number, f"its start is taken by {', '.join(blockers)}")

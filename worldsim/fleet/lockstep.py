@@ -95,9 +95,11 @@ class LockstepFleet:
     ) -> dict[int, T]:
         """Tell each robot its senses or frames, do the work that can be done aside, and wait for all answers."""
         sessions = self._sessions
+        # The bytes are kept: sent again, they must be the same.
         sent = {number: sessions.send(number, k, phase_data) for number, phase_data in tell.items()}
         aside()
         answers: dict[int, T] = {}
+        # In the first tick robots may still load what they need.
         deadline_s = self._deadline_s if k else max(self._deadline_s, ANSWER_S)
         waited_s = 0.0
         began = before = sessions.now
@@ -111,10 +113,12 @@ class LockstepFleet:
                     answers[number] = answer
                     continue
             now = sessions.now
+            # A longer slice means that this process stood still, which is not the robots' fault.
             waited_s += min(now - before, 2.0 * POLL_S)
             before = now
             if arrived is None:
                 self.meanwhile()
+            # Only after a while: most phases are over before the router could be asked.
             if now >= began + QUIET_S and not self._router_answers():
                 waited_s = 0.0
                 continue

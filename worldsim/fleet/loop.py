@@ -99,6 +99,7 @@ def act_between_ticks(world: World, acts: Acts, events: Callable[[Event], None])
     """Do what is due before the next tick; return False if no robot is left for it."""
     for event in acts.due():
         events(event)
+    # After the acts: a robot that has just appeared keeps a part open.
     for event in world.close_and_open():
         events(event)
     return not acts.deserted
@@ -122,6 +123,8 @@ def end_tick(
     for number in begun.reports:
         if number not in begun.frames or number not in replies:
             phase = "A" if number not in begun.frames else "B"
+            # What the fleet says of a robot goes before the mere lack of an answer.
             lost.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
+    # By number, so that the order of events does not depend on who was noticed first.
     for number, (status, reason) in sorted(lost.items()):
         events(world.stand_down(number, status, reason))

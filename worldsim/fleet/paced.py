@@ -93,6 +93,7 @@ class PacedFleet:
         frames: dict[int, Sequence[bytes]] = {}
         answering = reports.keys() if self._listener is None else None
         self._collect_answers(frames, told_at, PHASE_B_SHARE, PHASE_B_SHARE, answering)
+        # What comes from here on is late, though the tick goes on.
         self._closed = True
         if self._listener is not None:
             received = self._listener.frames(k)
@@ -105,6 +106,7 @@ class PacedFleet:
         for number, frames in heard.items():
             self._sessions.send(number, k, frames)
         self._collect_answers({}, self._sessions.now, 1.0, COMMAND_SHARE)
+        # A command that came late in the tick before counts now, where there is none of this tick.
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
         return {number: commands[number].reply if number in commands else None for number in heard}
@@ -119,6 +121,7 @@ class PacedFleet:
         if self._router is not None:
             self._router.answers()
         reasons = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
+        # A reason that the mind gives says more than that its process is gone.
         reasons |= self._sessions.failed(self._living)
         for number, reason in reasons.items():
             self._sessions.dismiss(number, f"left out: {reason}", orderly=False)

@@ -66,6 +66,7 @@ class RouterWatch:
                 self._note_silence(now, self._asked_at)
         else:
             self._note_return(now)
+            # One question at a time: each answer is waited for before the next is asked.
             if now >= self._asked_at + EVERY_S:
                 self._asked_at = now
                 self._back = self._echo()
@@ -87,7 +88,9 @@ class RouterWatch:
         if self._silent_since is None:
             return
         lasted = now - self._silent_since
+        # Added up over all silences, for the journal's end.
         self._silent_s += lasted
         self._silent_since, self._returned_at = None, now
+        # Only where the silence was reported as well.
         if lasted >= SAY_S[0]:
             self._say(f"the router answers again, after {lasted:.0f} s")

@@ -107,6 +107,7 @@ class Sessions:
                 greeted = now
                 for end in missing:
                     self._carry_out(end, end.greet())
+            # A message that lists hundreds of robots would be of no use, so it names the first eight.
             names = [end.name for end in missing]
             if now - began >= wait_s:
                 raise Missing(f"no process came for {', '.join(names[:8])} within {wait_s:g} s")
@@ -153,6 +154,7 @@ class Sessions:
         now, has_ended = self.now, self._connection.has_ended
         # Tokens vanish with the router, so they count only once clients have had time to come back.
         if not self._connection.connected():
+            # Put off for as long as the router is away: its clients come back only after it.
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
@@ -195,10 +197,12 @@ class Sessions:
     def close(self, k: int, reason: str) -> None:
         """Dismiss all robots, and wait up to `DISMISSAL_S` until they are gone."""
         self._run.k = k
+        # Only processes with a seat know how to leave; others were never greeted.
         staying = [end for end in self._ends.values() if end.stage in (SeatStage.SEATED, SeatStage.FAILING)]
         until = self.now + DISMISSAL_S
         sent_at = -HELLO_S
         while self.now < until and (present := [end for end in staying if end.present]):
+            # A dismissal may be lost, so it is said again.
             if self.now >= sent_at + HELLO_S / 2:
                 sent_at = self.now
                 for end in present:

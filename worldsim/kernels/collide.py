@@ -18,6 +18,8 @@ _NEAR = types.Array(types.bool_, 1, "C")
 def near_others(discs):
     """Mark the discs that overlap at least one other disc; touching counts.
 
+    For example, of discs with a radius of 1 m at x = 0, 2 and 5 m the first two are marked.
+
     Args:
         discs: float64 (n, 3), x and y of the centres and the radii, m, in the order of x.
 
@@ -31,6 +33,7 @@ def near_others(discs):
         widest = max(widest, discs[i, 2])
     for i in range(count):
         for j in range(i + 1, count):
+            # In the order of x, so none that follows can be near either.
             if discs[j, 0] - discs[i, 0] > discs[i, 2] + widest:
                 break
             distance = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])
@@ -57,10 +60,13 @@ def _bodies_meet(ax, ay, bx, by, limit):
     dx, dy = bx - ax, by - ay
     along = ax * dx + ay * dy
     if ax * ax + ay * ay < limit * limit:
+        # A body put too near another could otherwise never leave.
         return along <= 0.0
     square = dx * dx + dy * dy
+    # Moving apart, or not at all relative to each other: never nearer than at the start.
     if along >= 0.0 or square == 0.0:
         return False
+    # Where on the way it is nearest, but no farther than the end.
     part = min(-along / square, 1.0)
     nearest_x, nearest_y = ax + part * dx, ay + part * dy
     return nearest_x * nearest_x + nearest_y * nearest_y < limit * limit
@@ -69,6 +75,8 @@ def _bodies_meet(ax, ay, bx, by, limit):
 @njit(types.void(_PATHS, _RADII, _FLAGS), cache=True, nogil=True, error_model="numpy")
 def cancel_meeting(paths, radii, stands):
     """Stop every body that would meet another, repeatedly, until none would meet another.
+
+    For example, of bodies that drive in a row, the second one stops where the first one stands, and then the third.
 
     All pairs are judged before any body is stopped, so the result does not depend on the order of the bodies.
 
@@ -97,6 +105,7 @@ def cancel_meeting(paths, radii, stands):
             for j in range(i + 1, count):
                 if paths[j, 0, 0] - paths[i, 0, 0] > spread[i] + widest:
                     break
+                # Two that stand do not meet, however near they are.
                 if stands[i] != 0 and stands[j] != 0:
                     continue
                 x, y = paths[i, 0, 0] - paths[j, 0, 0], paths[i, 0, 1] - paths[j, 0, 1]
@@ -114,4 +123,5 @@ def cancel_meeting(paths, radii, stands):
         if not changed:
             return
         for i in range(count):
+            # Those who go on are judged again: a body that now stands may be in their way.
             stands[i] |= stopped[i]

@@ -34,13 +34,19 @@ def _mix_state(state, value):
 
 @njit(types.float64(types.uint64), cache=True, nogil=True)
 def _draw_share(state):
-    """Return the draw of a hash, in [0, 1)."""
+    """Return the draw of a hash, in [0, 1).
+
+    For example, 0.5 for a state of 2^63.
+    """
+    # 53 bits, as many as a float's fraction holds, so that 1 is never reached by rounding.
     return float(state >> np.uint64(11)) * 2.0**-53
 
 
 @njit(_OUT(_STATES, _NUMBERS, _NUMBERS, _RATES), cache=True, nogil=True)
 def below(states, receivers, sequences, rates):
     """For each frame and receiver, whether the draw of (frame, receiver, sequence) is below a rate.
+
+    For example, a rate of 0 never gives 1 and a rate of 1 always does, since draws lie in [0, 1).
 
     Args:
         states: uint64 (f,), the hashes of what comes before the receiver, by frame.
@@ -76,6 +82,7 @@ def normals(states, receivers):
     for sender in range(states.size):
         for receiver in range(receivers.size):
             state = _mix_state(states[sender], np.uint64(receivers[receiver]))
+            # 1 less the draw is above 0, so that the logarithm is finite.
             radius = math.sqrt(-2.0 * math.log(1.0 - _draw_share(_mix_state(state, np.uint64(0)))))
             drawn[sender, receiver] = radius * math.cos(2.0 * math.pi * _draw_share(_mix_state(state, np.uint64(1))))
     return drawn
@@ -104,6 +111,7 @@ def _count_stretches(mask, u0, v0, u1, v1, margin):
         high = min(math.floor(max(enters, leaves) + margin), mask.shape[0] - 1)
         touches = False
         for row in range(low, high + 1):
+            # No early end: columns have few rows here, since the line is no steeper than a diagonal.
             touches = touches or mask[row, column] != 0
         if touches and not inside:
             count += 1
@@ -150,6 +158,7 @@ def walls_between(mask, point, ox, oy, places, margin):
     count = places.shape[0]
     walls = np.zeros((count, count), dtype=np.int64)
     for i in range(count):
+        # Each pair once: a wall between two places is in the way in both directions.
         for j in range(i):
             x0, y0, x1, y1 = places[i, 0], places[i, 1], places[j, 0], places[j, 1]
             walls[i, j] = walls[j, i] = walls_on_line(mask, point, ox, oy, x0, y0, x1, y1, margin)

@@ -22,6 +22,8 @@ from numba import njit, types
 def first_overlap(places, radii, order, slack):
     """Find the first pair of bodies whose centres are nearer than the sum of their radii.
 
+    For example, (0, 1) for bodies of 0.5 m at x = 0, 0.9 and 3 m.
+
     Args:
         places: float64 (n, 2), x and y of the centres, m.
         radii: float64 (n,), m.
@@ -45,6 +47,8 @@ def first_overlap(places, radii, order, slack):
             distance = math.hypot(places[j, 0] - places[i, 0], places[j, 1] - places[i, 1])
             if distance < radii[i] + radii[j] - slack:
                 low, high = min(i, j), max(i, j)
+                # Found in the order of x, but named by the lowest numbers, so that the message does not depend on
+                # places.
                 if low < first or (low == first and high < second):
                     first, second = low, high
     return first, second
@@ -58,6 +62,8 @@ _F = types.float64
 @njit(_COUNTS(_SUMS, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def touched(sums, x0, y0, x1, y1, margin):
     """Count the points of wall that a line touches in each column of a grid.
+
+    For example, a level line through the middle of a row with walls in columns 2 and 3 gives 0, 0, 1, 1.
 
     Args:
         sums: int64 (h + 1, w), how many points of wall there are below each row, column by column.
@@ -75,6 +81,7 @@ def touched(sums, x0, y0, x1, y1, margin):
     if x0 > x1:
         x0, y0, x1, y1 = x1, y1, x0, y0
     begin, end = x0 - margin, x1 + margin
+    # Narrowed by more than its length, it touches nothing.
     if begin > end:
         return counts
     slope = (y1 - y0) / (x1 - x0) if x1 > x0 else 0.0
@@ -119,6 +126,7 @@ def crossings(sums, x0, y0, x1, y1, margin):
         if widened[column] > 0:
             least_in, most_in = min(least_in, least_out + 1), max(most_in, most_out + 1)
         else:
+            # Out of the question here: more and fewer than any line can have.
             least_in, most_in = never, -never
         if narrowed[column] > 0:
             least_out, most_out = never, -never

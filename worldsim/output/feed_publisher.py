@@ -108,6 +108,7 @@ class Feed:
             if record.kind == OPERATOR:
                 self._asked.append(payload)
             elif name := part_of(record):
+                # Of each part of the ground only the latest event: it says whether the part is closed now.
                 self._ground_events[name] = payload
         if self._size >= BATCH_BYTES or self._now() >= self._due:
             self.flush()
@@ -145,6 +146,7 @@ class Feed:
             self._asking.append(arrived[1])
         if not self._asking or self._answering or self._now() < self._answer_due:
             return
+        # All who have asked so far share one answer: packing it takes long.
         asking, self._asking = self._asking, []
         answer = so_far()
         self._answering = True
@@ -157,6 +159,7 @@ class Feed:
                     question.answer(payload)
             finally:
                 ended = self._now()
+                # The longer it took, the longer the pause.
                 self._answer_due = ended + max(ANSWER_S, (ended - began) / ANSWER_SHARE)
                 self._answering = False
 
@@ -171,6 +174,7 @@ class Feed:
         self._post(batch_bytes(Batch(self._number - len(records), records, self._said.running, self._said.pace)))
 
     def _so_far(self) -> SoFar:
+        # Rounded up, so that no more than `MOST_POINTS` values are left.
         every = -(-max(len(self._mfow), 1) // MOST_POINTS)
         state = self._run_state()
         return SoFar(
@@ -193,6 +197,7 @@ class Feed:
 
 def ground_of(prepared: Prepared) -> Ground:
     """Return the grids of a prepared scenario, for viewers."""
+    # By identity: robots of one kind share their fields.
     areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
     places = {key: index for index, key in enumerate(areas)}
     area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}

@@ -20,6 +20,7 @@ def check(scenario: Path, out: Path) -> None:
     with writing(f"--out {out}", "choose another folder"):
         out.mkdir(parents=True, exist_ok=True)
         is_taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
+        # The scenario may have been read from the folder itself.
         foreign = [name for name in (FILE, MAP) if (out / name).exists() and not _is_in(out, scenario)]
     if is_taken:
         raise BadInput(f"--out {out}: already holds a run; choose another folder")

@@ -36,6 +36,7 @@ class LiveProgress:
             places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
             ground = self._world.truth.footprint.terrain
             self._open_ground.tick(record.k, ground, self._world.closed, places)
+        # As a function: the fog is looked at only when a robot may be trapped.
         traps = self._traps.tick(record, lambda: fog.last_seen)
         # A robot that has already stayed long in the next circle is still trapped.
         still_trapped = {trap.robot for trap in traps if trap.until is None}

@@ -20,6 +20,8 @@ def lower_bound(area_m2: float, roster: Sequence[RobotSpec], range_m: float) -> 
 
     In a time T robot i sees at most pi r^2 + 2 r v_i T, with the sensor's range r, and the fleet must see the whole
     area A once per MFoW: (A - n pi r^2) / (2 r sum v_i), which for n equal robots is (A / n - pi r^2) / (2 r v).
+
+    For example, 8.0 s for 100 m² and one robot at 2 m/s with a range of 2.5 m.
     """
     at_once = len(roster) * math.pi * range_m**2
     return max((area_m2 - at_once) / (2.0 * range_m * sum(spec.speed for spec in roster)), 0.0)
@@ -56,6 +58,7 @@ class Recorder:
 
     def tick(self, record: TickRecord) -> None:
         """Write the record of a tick that is over."""
+        # Before it is written: a record that cannot be written is part of the hash that the end would have had.
         self._trace.tick(record)
         self._writer.write(record)
 

@@ -84,6 +84,7 @@ class Totals:
             document |= figures
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
+        # Last: this check compares all that the summary says.
         verdict = verdict.with_figures_of(document)
         document["verdict"] = verdict_facts(verdict)
         return Summary.model_validate(document), verdict
@@ -124,7 +125,7 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
     if "late_commands" in notes:
         names = {robot.number: robot.name for robot in journal.header.robots}
         late = {
-            note: {names[robot]: n for robot, n in notes.get(note, {}).items() if robot in names}
+            note: {names[robot]: count for robot, count in notes.get(note, {}).items() if robot in names}
             for note in ("late_frames", "too_late", "late_commands")
         }
         # Older journals have none of these: use 0.

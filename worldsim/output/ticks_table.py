@@ -22,6 +22,7 @@ class TicksTable:
 
     def tick(self, record: TickRecord) -> None:
         """Append one tick's line."""
+        # A `Counter` gives 0 for a status that no robot has.
         standing = Counter(robot.status for robot in record.robots)
         delivered, dropped = len(record.deliveries), len(record.dropped)
         numbers = (

@@ -103,6 +103,7 @@ class Traffic:
             dropped = dict(sorted(self._dropped[source, to].items()))
             if sent or delivered or dropped:
                 facts = {"sent": sent, "delivered": delivered, "dropped": dropped}
+                # What has neither arrived nor been dropped: delayed frames at the run's end.
                 facts["in_flight"] = sent - delivered - sum(dropped.values())
                 links.setdefault(self._names[source], {})[self._names[to]] = facts
         return links
@@ -118,6 +119,7 @@ class Traffic:
 
     def _count_reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
         """Count the others that a sender's frames reach over the links that a fault acts on."""
+        # The same robots in most ticks, so what each fault reaches is counted once.
         if here is not self._here and here != self._here:
             self._here = here
             self._reach.clear()
@@ -130,6 +132,7 @@ class Traffic:
         senders = Counter({source: frames for source, frames in sent.items() if source != FORGED})
         origins = {entry.id: entry.sources[0] for entry in timeline.entries if isinstance(entry.fault, Spoof)}
         for fault in record.forged:
+            # A forged frame goes to all who are there; its own sender is no receiver of its links.
             self._faults[fault]["frames"] += len(here)
             senders[origins[fault]] += 1
         for entry in timeline.at(record.k):

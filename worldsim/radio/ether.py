@@ -126,11 +126,13 @@ class Ether:
         receivers = tuple(number for number in sorted(statuses) if statuses[number].is_present)
         to_all = to_others(tuple(sent.source.tolist()), receivers)
         deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
+        # Nearly all ticks: links that are the same in each tick are not made anew.
         if rules is None and self._model is None and not (forged or self._flying or deaf or sent.oversized.any()):
             received = Heard(sent.frames, receivers, to_all.reaches)
             return Delivery(received, WholeLinks(to_all.pairs, sent.sequence), NO_DROPS)
         numbers = np.array(receivers, dtype=np.int64)
         fates = Fates(to_all.reaches.T)
+        # First, since such a frame never goes on the air and uses up no bandwidth.
         fates.stop(sent.oversized[:, None], OVERSIZED)
         fates.stop(sent.origin[:, None] == numbers, OWN)
         copies: list[tuple[int, int, int, str]] = []
@@ -139,6 +141,7 @@ class Ether:
             rules.stop(sent, numbers, fates)
         if self._model is not None and sent.frames:
             on_the_way = fates.on_the_way.copy()
+            # A copy of the fates: a model may write into it.
             air = OnAir(tick, sent.frames, sent.origin, sent.source, sent.sequence, numbers, on_the_way, poses)
             fates.stop(self._model.lost(air), self._model_cause)
         if rules is not None and rules.delays_or_copies:
@@ -173,6 +176,7 @@ class Ether:
             arrival_tick = arrival(tick, delay_s, self._step)
             if arrival_tick > tick:
                 self._flying[arrival_tick].append(_Flying(source, sequence, destination, 0, frame))
+                # In flight now; it is heard in a later tick.
                 fates.on_the_way[index, column] = False
                 delayed += ((*link, fault) for fault, seconds in delays if seconds > 0.0)
             for copy, (fault, more_s) in enumerate(rules.copies(origin, *link), start=1):
@@ -193,6 +197,7 @@ def _list_drops(
     rows = np.array(late, dtype=np.int64).reshape(-1, 4).T
     now = (sent.source[frame], receivers[receiver], sent.sequence[frame], fates.cause[frame, receiver])
     source, destination, sequence, cause = (np.concatenate(pair) for pair in zip(now, rows, strict=True))
+    # The last key counts most: by source, sequence, destination, cause.
     order = np.lexsort((cause, destination, sequence, source))
     return Drops(source[order], destination[order], sequence[order], cause[order], tuple(causes))
 

@@ -63,8 +63,12 @@ class Fates:
         self.causes: list[str] = []
 
     def stop(self, hit: NDArray[np.bool_], cause: str) -> None:
-        """Stop frames that are on their way; `hit` is bool, of any shape that broadcasts to (f, r)."""
+        """Stop frames that are on their way; `hit` is bool, of any shape that broadcasts to (f, r).
+
+        For example, a `hit` of (f, 1) stops frames at all receivers, and one of (r,) all frames at some receivers.
+        """
         stopped = self.on_the_way & hit
         self.cause[stopped] = len(self.causes)
+        # Also where nothing was stopped: a cause's place does not depend on that.
         self.causes.append(cause)
         self.on_the_way &= ~stopped

@@ -81,6 +81,7 @@ class Forger:
 
         No frame is forged in the name of a spare robot that has not joined yet.
         """
+        # Before anything is forged: index -1 is this tick, and a replay of age n is at -1 - n.
         self._sent.append(frames)
         unknown = {number for number in self._spares if statuses[number] is Status.ABSENT}
         forged: list[Forged] = []
@@ -127,6 +128,7 @@ class Forger:
             reported = self._senses.pose(victim, k, true)
             return Pose(reported.x + dx, reported.y + dy, reported.heading)
         key = (entry.index, victim)
+        # The place is frozen at the first tick of the fault in which the victim is there.
         if key not in self._frozen and true is not None:
             self._frozen[key] = self._senses.pose(victim, k, true)
         return self._frozen.get(key)
@@ -146,11 +148,15 @@ class Forger:
             return encode(position, self._key)
         if not self._tags:
             return encode(position)
+        # A tag as long as a true one, made with a key that is none.
         guess = mix(self._seed, Purpose.SPOOF, entry.index, _WRONG_KEY)
         return encode(position, guess.to_bytes(8, "little"))
 
     def _frame_age(self, entry: Entry) -> int:
-        """Return the age of the frames that a fault sends again, ticks; 0 when it does not."""
+        """Return the age of the frames that a fault sends again, ticks; 0 when it does not.
+
+        For example, 3 for a replay of 1.2 s with steps of 0.5 s.
+        """
         payload = entry.fault.payload if isinstance(entry.fault, Spoof) else None
         if not isinstance(payload, Forgery) or payload.replay is None:
             return 0

@@ -48,6 +48,7 @@ class _Counts:
         """Take the next report; one of an older process comes too late."""
         last = self.last
         before = FIRST_INCARNATION - 1 if last is None else last.incarnation
+        # Reports travel apart from the frames, so an old process's may come after the new one's.
         if traffic.incarnation < before:
             return
         if traffic.incarnation > before:
@@ -55,6 +56,7 @@ class _Counts:
             if last is not None:
                 self.sent += last.sent
                 self.refused += last.refused
+                # Counts begin anew with each process, so the old one's are added up.
                 self.heard.update(last.heard)
         counts = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
         self.last = replace(traffic, heard=counts)
@@ -108,6 +110,7 @@ class Listener:
                 break
             number = self._numbers[arrived[0]]
             origin = _robot_of(arrived[1], k)
+            # A position must come before contacts, and there is one position only.
             if origin is None or (origin == CONTACT) is (number not in frames):
                 self.missed[number] += 1
             else:

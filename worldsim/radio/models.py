@@ -47,6 +47,8 @@ OWN_MODEL = "model"
 def cause_of(model: str) -> str:
     """Return the name in journals of frames that a model has lost: its own if it comes with fogwatch, else `OWN_MODEL`.
 
+    For example, "path-loss" for the model of that name, and "model" for one of one's own.
+
     Args:
         model: As the scenario names it.
     """
@@ -154,6 +156,7 @@ class _Own:
             lost = np.asarray(self.model.lost(air))
         except (Exception, SystemExit) as error:
             raise raised(f"{RADIO_MODELS.field} = {self.name}", error) from error
+        # Checked here, where the class can be named, and not where a wrong shape would fail.
         if lost.shape != air.on_the_way.shape or lost.dtype != np.bool_:
             returned, wanted = (f"{array.dtype} {array.shape}" for array in (lost, air.on_the_way))
             raise BadInput(f"radio.model = {self.name}: lost(air) gave {returned} in tick {air.k}; return {wanted}")

@@ -52,7 +52,10 @@ class Drawn(IntEnum):
 
 
 def window_of(k: int, step: float, redraw: float | None) -> int:
-    """Return how often shadowing has been drawn anew by tick k: each `redraw` seconds; None for never."""
+    """Return how often shadowing has been drawn anew by tick k: each `redraw` seconds; None for never.
+
+    For example, 2 in tick 10 with steps of 0.5 s and a redraw each 2 s.
+    """
     return 0 if redraw is None else math.floor(k * step / redraw + 1e-9)
 
 
@@ -91,6 +94,7 @@ class PathLoss:
         options = self.options
         places = np.array([(air.poses[number].x, air.poses[number].y) for number in numbers])
         apart = places[:, None, :] - places[None, :, :]
+        # The law holds from 1 m on; nearer, the power would grow without bound.
         distance = np.maximum(np.hypot(apart[..., 0], apart[..., 1]), 1.0)
         levels: NDArray[np.float64] = options.power - options.reference - 10.0 * options.exponent * log10(distance)
         if options.wall > 0.0:
@@ -102,6 +106,7 @@ class PathLoss:
             states = np.array([mix(*of_link, number) for number in numbers], dtype=np.uint64)
             self._shadowing = normals(states, np.array(numbers, dtype=np.int64))
         levels -= options.shadowing * self._shadowing
+        # A robot's own frame drowns all others while it sends.
         np.fill_diagonal(levels, options.power)
         return levels
 
@@ -120,13 +125,18 @@ class PathLoss:
             disturbing = np.where(air.on_the_way | is_own, power(10.0, received / 10.0), 0.0)
             frames, disturbers = np.nonzero(overlap)
             np.add.at(noise, frames, disturbing[disturbers])
+        # Powers add up in mW, not in dB.
         levels: NDArray[np.float64] = 10.0 * log10(noise)
         return levels
 
     def _reception_chance(self, margin: NDArray[np.float64]) -> NDArray[np.float64]:
-        """With which probability a frame is received."""
+        """With which probability a frame is received.
+
+        For example, 0.5 with a margin of 0 dB, and 0.88 with a margin of 2 dB and an edge of 1 dB.
+        """
         edge = self.options.edge
         if edge == 0.0:
             return (margin >= 0.0).astype(np.float64)
+        # By `exp` of our own kernels: traces depend on its last bit.
         chance: NDArray[np.float64] = 1.0 / (1.0 + exp(np.clip(-margin / edge, -_MOST, _MOST)))
         return chance

@@ -58,7 +58,10 @@ _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
-    """Return the tick in whose phase B a frame is heard that is sent in phase A of tick k."""
+    """Return the tick in whose phase B a frame is heard that is sent in phase A of tick k.
+
+    For example, with steps of 0.5 s, tick 7 for a delay of 0.1 s in tick 7 and tick 8 for one of 0.2 s.
+    """
     return k + max(0, math.ceil((delay_s - PHASE_B_SHARE * step) / step - 1e-9))
 
 
@@ -93,6 +96,7 @@ class Burst:
         """Return True if the link is bad in tick k; to be asked in ascending ticks."""
         while self._k < k:
             self._k += 1
+            # One draw a tick, whether or not a frame is sent: the burst does not depend on the traffic.
             chance = draw(*self._draws, self._k)
             self._bad = chance >= self._recovers if self._bad else chance < self._fails
         return self._bad
@@ -102,6 +106,8 @@ def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
     """Return the probabilities of a Gilbert-Elliott chain: r (bad to good) and p (good to bad).
 
     `rate` is the share of bad ticks, `mean_burst` the mean length of a bad spell in ticks.
+
+    For example, a rate of 0.2 and bursts of 4 ticks give r = 0.25 and p = 0.0625.
     """
     r = 1.0 / mean_burst
     return r, min(rate * r / (1.0 - rate), 1.0)
@@ -118,6 +124,7 @@ class Bucket:
 
     def holds(self, size: int, k: int) -> bool:
         """Return True if a frame of `size` bytes may be sent in tick k."""
+        # Filled up when asked, for all ticks since the last frame.
         self._left = min(self._capacity, self._left + self._rate * (k - self._k))
         self._k = k
         return size <= self._left
@@ -229,6 +236,7 @@ class RadioRules:
     def _charge_frame(self, origin: int, size: int) -> Entry | None:
         """Charge a frame to its sender's bandwidths; return the one that it does not fit into, or None."""
         entries = [entry for entry in self._active[Bandwidth] if origin in entry.who]
+        # A silenced robot's radio is off, so its frames use up nothing.
         if not entries or any(_is_silenced(entry, origin) for entry in self._active.get(Silence, ())):
             return None
         buckets = [self._bucket_of(entry, origin) for entry in entries]
@@ -248,11 +256,11 @@ class RadioRules:
         for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
             if not _on_link(entry, origin, destination):
                 continue
-            values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
+            drawn_from = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
             fault = entry.fault
             if isinstance(fault, Delay):
-                delays.append((entry.id, waited(fault.delay, *values)))
-            elif isinstance(fault, Reorder) and draw(*values) < fault.rate:
+                delays.append((entry.id, waited(fault.delay, *drawn_from)))
+            elif isinstance(fault, Reorder) and draw(*drawn_from) < fault.rate:
                 delays.append((entry.id, self._step if fault.hold is None else fault.hold))
         return delays
 
@@ -263,20 +271,20 @@ class RadioRules:
         """
         copies = []
         for entry in self._active.get(Duplicate, ()):
-            values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
+            drawn_from = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
             fault = entry.fault
             if not isinstance(fault, Duplicate) or not _on_link(entry, origin, destination):
                 continue
-            if draw(*values) < fault.rate:
-                copies.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
+            if draw(*drawn_from) < fault.rate:
+                copies.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *drawn_from, 1)))
         return copies
 
     def _is_out_of_reach(self, fault: Range, origin: int, destination: int) -> bool:
-        a, b = self._poses[origin], self._poses[destination]
-        if math.hypot(a.x - b.x, a.y - b.y) > fault.reach:
+        sender, receiver = self._poses[origin], self._poses[destination]
+        if math.hypot(sender.x - receiver.x, sender.y - receiver.y) > fault.reach:
             return True
         x, y = self._terrain.origin
-        line = (self._opaque, self._terrain.point, x, y, a.x, a.y, b.x, b.y, BEAM)
+        line = (self._opaque, self._terrain.point, x, y, sender.x, sender.y, receiver.x, receiver.y, BEAM)
         return not fault.through_walls and walls_on_line(*line) > 0
 
     def _is_in_a_burst(self, entry: Entry, rate: float, mean_burst: float, origin: int, destination: int) -> bool:

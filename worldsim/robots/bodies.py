@@ -30,7 +30,10 @@ def standstill(spec: RobotSpec) -> Command:
 
 
 def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool:
-    """Return True if two round bodies overlap; touching is no overlap."""
+    """Return True if two round bodies overlap; touching is no overlap.
+
+    For example, two of 0.5 m overlap at a distance of 0.99 m, and do not at 1 m.
+    """
     return math.hypot(pose.x - other.x, pose.y - other.y) < radius + other_radius
 
 
@@ -130,6 +133,7 @@ def _cancel_meeting(
     """
     reaches = [(body.pose.x, body.pose.y, body.spec.radius + ahead) for body, ahead in zip(bodies, far, strict=True)]
     discs = np.array(reaches, dtype=np.float64).reshape(-1, 3)
+    # The kernels stop looking at the first disc that is too far along x.
     order = np.argsort(discs[:, 0])
     near = order[near_others(discs[order])].tolist()
     if not near:
@@ -142,6 +146,7 @@ def _cancel_meeting(
             lay_path(path, pose, commands[index], step)
         else:
             path[:] = (pose.x, pose.y)
+    # A copy of those near others; the rest cannot meet any body.
     stopped = stands[near]
     cancel_meeting(paths, np.array([bodies[index].spec.radius for index in near], dtype=np.float64), stopped)
     stands[near] = stopped

@@ -61,6 +61,7 @@ class Closures:
 
         The footprint, on the ground where bodies move, is changed accordingly.
         """
+        # All are found before the first takes effect, so that their order does not matter.
         happened = list(self._due_changes(k, bodies))
         for event in happened:
             self._closed.take(event)
@@ -77,6 +78,7 @@ class Closures:
             reach = body.spec.radius + body.spec.speed * self._step + self._terrain.point
             points = np.flatnonzero(grid)
             felt = points[self._point_gaps(points, body) <= reach]
+            # What it has bumped into comes first, in case not all fit.
             shown = np.concatenate([felt, np.setdiff1d(shown, felt)])
         return tuple(sorted(shown[:MOST_BLOCKED].tolist()))
 
@@ -117,7 +119,10 @@ class Closures:
         return bool((self._point_gaps(points, body) < body.spec.radius).any())
 
     def _point_gaps(self, points: NDArray[np.int64], body: Body) -> NDArray[np.float64]:
-        """Return the distance of each point's square from a body's centre, m."""
+        """Return the distance of each point's square from a body's centre, m.
+
+        For example, 0.4 for a point of 0.2 m whose centre is 0.5 m away along x, and 0 for the point under the centre.
+        """
         terrain = self._terrain
         rows, cols = np.divmod(points, terrain.width)
         half = 0.5 * terrain.point

@@ -54,6 +54,7 @@ class MotionNoise:
     def _disturb_command(self, command: Command, entry: Entry, fault: Motion, number: int, k: int) -> Command:
         draw_key = (self._seed, Purpose.MOTION, entry.index, number)
         slip, jitter = fault.slip, fault.jitter
+        # A slip comes first: a body that does not move needs no other draw.
         if slip is not None and draw(*draw_key, stretch_of(entry, slip.every, self._step, k), _SLIP) < slip.rate:
             return halted(self._models[number])
         speed = turning = 1.0
@@ -74,6 +75,8 @@ def stretch_of(entry: Entry, every: float | None, step: float, k: int) -> int:
     """Return the number of the stretch of time, all with a draw of their own, in which a tick lies.
 
     The first begins with the fault; each lasts `every` seconds, or one step where that is None.
+
+    For example, with steps of 0.5 s, tick 30 of a fault since tick 4 that draws every 10 s lies in stretch 1.
     """
     elapsed = k - entry.begin
     return elapsed if every is None else math.floor(elapsed * step / every + 1e-9)

@@ -45,12 +45,16 @@ class Senses:
             if isinstance(entry.fault, Drift) and number in entry.who:
                 dx, dy = self._pose_error(entry, entry.fault, number, k)
                 x, y, wrong = x + dx, y + dy, True
+        # To the bit: clipping would move a body that stands within half a point of the edge.
         if not wrong:
             return true
         return Pose(_clip_value(x, self._x_limits), _clip_value(y, self._y_limits), true.heading)
 
     def clock(self, number: int, k: int) -> float:
-        """Return the time that a robot's clock shows, s."""
+        """Return the time that a robot's clock shows, s.
+
+        For example, 103 s at 100 s of a run, with an offset of 2 s and a rate of 0.01 since its beginning.
+        """
         time_s = k * self._step
         ahead = 0.0
         for entry in self.timeline.at(k):
@@ -75,6 +79,7 @@ class Senses:
         while len(sums) <= times:
             bearing = TAU * draw(self._seed, Purpose.SENSES, entry.index, number, len(sums), _JUMP)
             x, y = sums[-1]
+            # Kept: jumps add up, and each tick asks for their sum.
             sums.append((x + size * math.cos(bearing), y + size * math.sin(bearing)))
         return sums[times]
 

@@ -95,6 +95,7 @@ class ZoneAges(JournalReading):
         self._weighted.append(max(weight * age for weight, age in ages))
         for name, part in self._parts.items():
             if name not in names and name != ELSEWHERE:
+                # One entry a tick in any case: all parts have columns of the same length.
                 part.stalest.append(np.nan)
                 continue
             ticks = np.maximum(last_seen[part.points], 0)
@@ -180,7 +181,10 @@ class AgesOpen(JournalReading):
 
 
 def _age_figures(name: str, ages_s: Ages) -> dict[str, float]:
-    """Return the mean of the ages over all ticks and over their second half, and the greatest, as the summary's."""
+    """Return the mean of the ages over all ticks and over their second half, and the greatest, as the summary's.
+
+    For example, ages of 1, 2, 3 and 6 s have the mean 3 s, the late mean 4.5 s and the maximum 6 s.
+    """
     late_s = ages_s[ages_s.size // 2 :]
     means = {f"{name}_mean_s": float(ages_s.mean()), f"{name}_late_mean_s": float(late_s.mean())}
     return means | {f"{name}_max_s": float(ages_s.max())}

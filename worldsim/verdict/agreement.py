@@ -50,6 +50,7 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
     for name, value in stated.items():
         if name == "verdict" and isinstance(value, Mapping):
             differing += _between_verdicts(value, found["verdict"])
+        # The journal gives None for these, which says nothing about the stated figure.
         elif name not in NOT_IN_JOURNAL and name not in unknown:
             differing += _between(value, found[name], name) if name in found else [Difference(name, value, None)]
     return differing

@@ -162,11 +162,11 @@ class Figures(JournalReading):
 
 def compare(found: Found, summary: Mapping[str, Any]) -> CheckResult:
     """Compare a summary with the figures that were found, and name the first that differs."""
-    for place, value in found.items():
+    for place, figure in found.items():
         summary_value: Any = reduce(lambda part, key: (part or {}).get(key), place, cast("Any", summary))
-        is_number = isinstance(summary_value, int | float) and value is not None
-        if not (math.isclose(summary_value, value, rel_tol=ROUNDING) if is_number else summary_value == value):
-            problem = f"{'.'.join(place)} is {summary_value} in the summary, and {value} by the ticks"
+        is_number = isinstance(summary_value, int | float) and figure is not None
+        if not (math.isclose(summary_value, figure, rel_tol=ROUNDING) if is_number else summary_value == figure):
+            problem = f"{'.'.join(place)} is {summary_value} in the summary, and {figure} by the ticks"
             return CheckResult("figures", False, problem)
     counted = f"{len(found)} figures of the summary are those of the ticks"
     return CheckResult("figures", True, counted if found else "not judged: there are no ticks to count", bool(found))

@@ -208,6 +208,7 @@ def judge(
 
 
 def _outcome(journal: RunRecord, checks: Iterable[CheckResult]) -> Outcome:
+    # Before the checks: a check may fail only because the end is missing.
     if journal.end is None or journal.truncated:
         return "unknown"
     return "valid" if all(check.ok for check in checks) else "invalid"
