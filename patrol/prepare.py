@@ -68,8 +68,8 @@ class Prepared:
     starts: tuple[Pose, ...]  # in roster order
     fields: Mapping[int, StaticFields]  # by robot number
     closable: Parts  # the parts of the ground that close at times
-    regions: Mapping[int, RegionSplit] = field(default_factory=dict)  # likewise; none where paths lead through none
-    # likewise, without zones; none before `patrol.measures.zoned.with_rounds`
+    regions: Mapping[int, RegionSplit] = field(default_factory=dict)  # by number; none where paths lead through none
+    # by robot number, without zones; none before `patrol.measures.zoned.with_rounds`
     rounds: Mapping[int, Round | None] = field(default_factory=dict)
     # by zones in force and their weights; empty before the same, and without zones that weigh
     zoned: Mapping[Weighing, ZonedGround] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 
-class Robot(Protocol):
+class RosterRobot(Protocol):
     """A robot of the roster; see `patrol.scenario.sections.RobotSpec`."""
 
     @property

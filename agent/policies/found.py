@@ -66,8 +66,8 @@ class PolicyKind:
 
     @property
     def follows_rounds(self) -> bool:
-        """True if it follows tours, or draws from their stations, as also a class that extends such a policy does."""
-        return isinstance(self.options, CommitmentOptions)
+        """True if it follows tours, or draws from their stations: by its options, or by its class's own word."""
+        return isinstance(self.options, CommitmentOptions) or bool(getattr(self.make, "follows_rounds", False))
 
 
 def policy_named(scenario: Scenario) -> NamedClass:

@@ -15,11 +15,12 @@ of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from agent.policies.commitment import Choice, Commitment
+from patrol.errors import BadInput
 from patrol.measures.best_tour import followers_of
 from patrol.zones.division import Group
 from patrol.zones.spec import weighing_at
@@ -153,6 +154,8 @@ class Division:
 class SharedRound(Commitment):
     """Chooses on a round that it shares with other robots, and freely where there is none."""
 
+    follows_rounds: ClassVar[bool] = True  # so rounds are found before a run
+
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self.division: Division | None = None  # None where there is at most one round
@@ -162,7 +165,12 @@ class SharedRound(Commitment):
         self._round: Round | None = None
         if (divisions := self._free.zones.under(self._weighing)) is not None:
             self._take_zones(divisions)
-        elif (laid_out := prepared.rounds.get(number)) is not None:
+        elif not prepared.rounds:
+            raise BadInput(
+                "no rounds were found for this policy; give its class the attribute follows_rounds = True, as a class "
+                "that makes a policy which follows rounds needs"
+            )
+        elif (laid_out := prepared.rounds[number]) is not None:
             self.choice = self._begin_round(laid_out, followers_of(prepared.rounds, number), None)
 
     def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:

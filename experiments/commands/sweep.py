@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -170,11 +171,15 @@ def _write_page(outcome: SweepOutcome, rows: list[CaseRow], file: Path, width: f
     write_page(file, parts, drawings(rows, outcome.plan.name, width))
 
 
+LONGEST_WORD = 24
+"""Characters of a word of a case's name on a narrow terminal, at most."""
+
+
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """Print the cases' means as a table.
 
     Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
-    below the means, and the words of a name below each other.
+    below the means, and the words of a name below each other, long ones cut short.
     """
     names, shared = told_apart({row.case: row.words for row in rows})
     if shared:
@@ -182,7 +187,8 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
     shown = shown_table(rows, names)
     table = _cases_table(shown, " ")
     if not fits(table, console):
-        console, table = Console(file=console.file, width=UNLIMITED), _cases_table(shown, "\n")
+        cut = {case: re.sub(rf"(\S{{{LONGEST_WORD - 1}}})\S{{2,}}", r"\1…", name) for case, name in names.items()}
+        console, table = Console(file=console.file, width=UNLIMITED), _cases_table(shown_table(rows, cut), "\n")
     console.print(table, highlight=False, markup=False)
 
 

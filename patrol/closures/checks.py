@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from patrol.areas import check_names, check_ticks
 from patrol.changing.ground import with_closed
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.values import wrong
-from patrol.zones.spec import check_names, check_ticks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

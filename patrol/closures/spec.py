@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from patrol.areas import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 from patrol.changing.ground import Parts
 from patrol.ground.marks import Look, Mark, Moment, mark_ground
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import Terrain
 from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
-from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 
 MOST_CLOSURES = 256
 

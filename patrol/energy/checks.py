@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.energy.spec import JOULES
 from patrol.errors import BadInput
-from patrol.robot import Robot
+from patrol.robot import RosterRobot
 from patrol.values import wrong
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
 
 
-class ChargedRobot(Robot, Protocol):
+class ChargedRobot(RosterRobot, Protocol):
     """A robot that may have a battery."""
 
     @property

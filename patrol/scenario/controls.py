@@ -29,6 +29,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
+from patrol.areas import Span, holds_tick
 from patrol.errors import BadInput, did_you_mean, in_flow, quoted
 from patrol.faults.kinds import Clock, Lasting, OnGround, nothing
 from patrol.faults.roster import tick_of, ticks_of
@@ -36,7 +37,7 @@ from patrol.files.untrusted import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, as_mapping, load_scenario
 from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong
-from patrol.zones.spec import Span, Weight, ZoneSpec, holds_tick
+from patrol.zones.spec import Weight, ZoneSpec
 
 
 def worded(event: Event) -> Event:

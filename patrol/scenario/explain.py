@@ -210,7 +210,7 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     if (meant := MEANT.get(key.lower())) in _section_keys(section):
         return f"did you mean {meant}?"
     everywhere: dict[str, type[Section]] = {
-        **SECTIONS,
+        **dict(reversed(list(SECTIONS.items()))),  # a key of several sections more often means an earlier one
         "robots": RobotGroup,
         "patrol.options": PotentialFieldOptions,
         "radio.options": PathLossOptions,

@@ -5,21 +5,22 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from patrol.areas import check_names, check_ticks
 from patrol.errors import BadInput
 from patrol.faults.roster import tick_of
 from patrol.values import wrong
-from patrol.zones.spec import check_names, check_ticks, points_of
+from patrol.zones.spec import points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
-    from patrol.robot import Robot
+    from patrol.robot import RosterRobot
     from patrol.zones.spec import ZoneSpec
 
 
-def check_zones(zones: Sequence[ZoneSpec], roster: Sequence[Robot], step: float, ticks: int) -> None:
+def check_zones(zones: Sequence[ZoneSpec], roster: Sequence[RosterRobot], step: float, ticks: int) -> None:
     """Refuse zones that do nothing in a scenario, whatever its ground, or do not fit the rest of it."""
     fastest = max(spec.speed for spec in roster)
     for number, zone in enumerate(zones):

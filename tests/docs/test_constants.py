@@ -29,6 +29,7 @@ from fogwatch.planning import plan
 from monitor.page import saved
 from monitor.page.authorisation import MIN_TOKEN_LENGTH
 from monitor.page.hub import TRAIL
+from patrol import areas
 from patrol.closures.spec import MOST_CLOSURES
 from patrol.measures import best_tour, nodes, stays
 from patrol.radio import message
@@ -36,7 +37,7 @@ from patrol.regions.pieces import MOST_CORNERS, POCKET, SMOOTHED
 from patrol.scenario import step
 from patrol.tours import search
 from patrol.tours.round import STRETCH
-from patrol.zones import division, spec
+from patrol.zones import division
 from ros2.robot import steering, stops
 from runtime.net.settings import MOST_STRANGERS
 from runtime.process.deadline import DECISION_LIMIT_S, MOST_CALLS
@@ -114,7 +115,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("faults", "seen again within # x the mean MFoW", (progress.WITHIN,)),
     ("faults", "second's worth, at least # bytes", (LEAST_BUCKET,)),
     # --- limits ------------------------------------------------------------------------------------------------------
-    ("closures", "at most #, with # times each", (MOST_CLOSURES, spec.MOST_TIMES)),
+    ("closures", "at most #, with # times each", (MOST_CLOSURES, areas.MOST_TIMES)),
     ("zones", "in fleets of more than # robots", (best_tour.MOST_ROBOTS,)),
     ("network", "A frame has at most # bytes", (message.MAX_FRAME,)),
     ("network", "token of at least # characters", (MIN_TOKEN_LENGTH,)),

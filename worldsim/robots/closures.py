@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.areas import is_in_one_of
 from patrol.changing.ground import IN_IT, WAITING, WAITS, ChangingFootprint, ClosedPoints, faces
 from patrol.closures.spec import closable_parts
 from patrol.exchange import MOST_BLOCKED
@@ -22,7 +23,6 @@ from patrol.journal import Event
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
 from patrol.random import Purpose, draw
-from patrol.zones.spec import is_in_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

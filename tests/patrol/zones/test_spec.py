@@ -7,9 +7,10 @@ import pytest
 import yaml
 from PIL import Image
 
+from patrol.areas import holds_tick
 from patrol.errors import BadInput
 from patrol.scenario import dump_scenario, load_scenario, scenario_hash
-from patrol.zones.spec import holds_tick, zones_in_force
+from patrol.zones.spec import zones_in_force
 
 SQUARE = [[10, 10], [20, 10], [20, 20], [10, 20]]
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0}

@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from patrol.areas import has_area, is_in_one_of
 from patrol.errors import BadInput
 from patrol.ground.marks import Moment
 from patrol.ground.terrain import Terrain
 from patrol.scenario import load_scenario
-from patrol.zones.spec import ZoneSpec, has_area, is_in_one_of, weighing_at, zones_in_force
+from patrol.zones.spec import ZoneSpec, weighing_at, zones_in_force
 
 SQUARE = ((2.0, 2.0), (6.0, 2.0), (6.0, 5.0), (2.0, 5.0))
 
