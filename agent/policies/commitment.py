@@ -30,7 +30,7 @@ class Choice(Protocol):
     """The choice of a robot's targets, freely or on a round that it shares."""
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
-        """Take note of changes; return True if the robot chooses freely now, with random steps."""
+        """Update the plan or the round, such as its next station; return True if the robot chooses freely now."""
         ...
 
     def waits(self, view: View) -> bool:

@@ -131,6 +131,31 @@ def test_a_policy_that_builds_on_a_built_in_one_has_its_options_and_lengths(writ
     assert build_mind(Shared(prepare(scenario)), 1).policy is not None
 
 
+ON_THE_TOUR = """
+    from dataclasses import replace
+    from agent.policies.committed import Committed
+    from patrol.scenario import CommittedOptions
+
+    class OnTheTour:
+        {word}
+
+        def __init__(self, setup):
+            self.within = Committed(replace(setup, options=CommittedOptions()))
+
+        def decide(self, view):
+            return self.within.decide(view)
+    """
+
+
+def test_a_policy_that_makes_one_on_a_round_says_so(write: Write) -> None:
+    says = load_scenario(write("./guard.py:OnTheTour", ON_THE_TOUR.format(word="follows_rounds = True")))
+    policy: Any = build_mind(Shared(prepare(says)), 1).policy
+    assert type(policy.otherwise.within.choice).__name__ == "OnRound"
+    says_nothing = load_scenario(write("./other.py:OnTheTour", ON_THE_TOUR.format(word="pass"), name="other.py"))
+    with pytest.raises(PolicyFailed, match="follows_rounds = True"):
+        build_mind(Shared(prepare(says_nothing)), 1)
+
+
 def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     path = write("./guard.py:Still")
     monkeypatch.chdir(tmp_path)
