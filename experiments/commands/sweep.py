@@ -14,13 +14,11 @@ from rich.table import Table
 
 from experiments.sweeps.cases import (
     LATEX,
-    PAIRING,
     SHOWN,
-    TEST,
     CaseRow,
     case_rows,
+    comparison_lines,
     latex_heads,
-    partner_text,
     shown_table,
     told_apart,
     write_tables,
@@ -135,12 +133,8 @@ def sweep(
     _write_page(outcome, rows, folder / "sweep.md", width)
     print_cases(console, rows)
     print_failures(console, outcome)
-    compared = ""
-    if plan.partners:
-        text = f"changes are against {partner_text(rows)}, judged by a {TEST}, paired by the {PAIRING}"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
-        compared = ", comparisons.csv"
-    for line in plan.notes:
+    compared = ", comparisons.csv" if plan.partners else ""
+    for line in (*comparison_lines(rows), *plan.notes):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
     files = f"{folder}: sweep.md, summary.csv, table.tex, runs.csv{compared}, figures"
@@ -167,7 +161,7 @@ def _write_page(outcome: SweepOutcome, rows: list[CaseRow], file: Path, width: f
 
     names, shared = told_apart({row.case: row.words for row in rows})
     parts = [*page_head(outcome.plan.name, outcome, "sweep"), *([f"All cases: {shared}."] if shared else [])]
-    parts.append(shown_table(rows, names).markdown())
+    parts += [shown_table(rows, names).markdown(), *comparison_lines(rows)]
     write_page(file, parts, drawings(rows, outcome.plan.name, width))
 
 

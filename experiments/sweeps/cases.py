@@ -255,6 +255,13 @@ def write_latex(rows: Sequence[CaseRow], sweep: str, heads: Collection[str], fil
     write_text(file, table.latex(caption, sweep))
 
 
+def comparison_lines(rows: Sequence[CaseRow]) -> list[str]:
+    """Say what the changes are against and how they are judged, in a line; none where nothing is compared."""
+    if all(row.against is None for row in rows):
+        return []
+    return [f"changes are against {partner_text(rows)}, judged by a {TEST}, paired by the {PAIRING}"]
+
+
 def partner_text(rows: Sequence[CaseRow]) -> str:
     """Return what cases are compared with, such as "stochastic" or "dilatation=0", in the words that tell it apart."""
     by_name = {row.case: row for row in rows}

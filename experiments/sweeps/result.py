@@ -89,10 +89,12 @@ class SweepResult:
 
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
-        from experiments.sweeps.cases import case_rows, shown_table
+        from experiments.sweeps.cases import case_rows, comparison_lines, shown_table
 
         errors = [f"{result.case} seed {result.seed} failed: {result.error}" for result in self.failed]
-        return table_html(shown_table(case_rows(self.outcome), {})) + lines_html([*self.outcome.plan.notes, *errors])
+        rows = case_rows(self.outcome)
+        lines = [*comparison_lines(rows), *self.outcome.plan.notes, *errors]
+        return table_html(shown_table(rows, {})) + lines_html(lines)
 
 
 class _Shown:

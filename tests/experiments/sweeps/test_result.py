@@ -46,7 +46,7 @@ def test_the_cases_are_those_of_summary_csv(swept: fogwatch.SweepResult) -> None
     assert swept.cases.to_pandas().mfow_mean_s.tolist() == pytest.approx(by_hand.tolist(), rel=1e-12)
     shown = swept._repr_html_()
     assert "mean MFoW (s)" in shown
-    assert "compared with" in shown
+    assert "changes are against" in shown
     assert repr(swept).startswith("<SweepResult sweep-open: 4 cases, 8 runs, in ")
 
 

@@ -69,7 +69,7 @@ def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, mon
     world, journal = lab.driven(radio=radio, faults=faults, ticks=60)
     lost = sum(why == "model" for record in journal.ticks for *_, why in record.dropped)
     assert lost > 100
-    monkeypatch.setattr("worldsim.radio.models.find", lambda _: pytest.fail("a verdict loads no code"))
+    monkeypatch.setattr("worldsim.radio.models.load", lambda _: pytest.fail("a verdict loads no code"))
     said = {check.name: check.detail for check in judge(journal, {}, world.prepared).checks}
     assert failures((world, journal)) == {}
     assert said["radio"].endswith("but for what the radio model has lost, which is code of one's own")
