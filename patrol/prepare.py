@@ -19,7 +19,7 @@ import numpy as np
 from patrol.changing.ground import ChangingFootprint, Closings, Parts
 from patrol.changing.open_ground import OpenGround
 from patrol.closures.checks import check_closures_on_ground
-from patrol.closures.spec import closable_parts
+from patrol.closures.spec import closure_points
 from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
 from patrol.graph import check_vertices, graph_from_ground, graph_of, watching_vertices
@@ -216,7 +216,7 @@ def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
 
 def closable_ground(scenario: Scenario, terrain: Terrain) -> Parts:
     """Return the points of each part of the ground that closes at times, by its name."""
-    return closable_parts(scenario.closures, terrain)
+    return {closure.name: closure_points(closure, terrain) for closure in scenario.closures}
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:

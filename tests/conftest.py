@@ -1,4 +1,4 @@
-"""What every test shares: which run, how hypothesis searches, and that no process outlives the session."""
+"""Parts of all tests: which of them run, how hypothesis searches, and that no process outlives the session."""
 
 import gc
 import hashlib
@@ -194,7 +194,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    """Where a router is that asks nobody."""
+    """The address of a router that asks nobody."""
     from tests.routers import routed
 
     with routed() as where:

@@ -194,7 +194,7 @@ def test_draws_of_ground() -> None:
     rates = {"closes": 0.7, "opens": 0.7}
     made = scenario(closures=[{"name": f"c{i}", "polygon": box, **rates} for i, box in enumerate(boxes)])
     prepared = prepare(made)
-    closures, footprint = Closures(made, Timeline(made), prepared.terrain), sensor_footprint(made, prepared.terrain)
+    closures, footprint = Closures(prepared, Timeline(made)), sensor_footprint(made, prepared.terrain)
     assert isinstance(footprint, ChangingFootprint)
     turns: dict[str, list[float]] = {f"c{i}": [] for i in range(3)}
     for k in range(TICKS):

@@ -68,7 +68,7 @@ class World:
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.batteries = Batteries(scenario.roster, scenario.docks, scenario.step)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
-        self.closing = Closures(scenario, self.timeline, self.terrain)
+        self.closing = Closures(prepared, self.timeline)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)

@@ -91,7 +91,10 @@ class FreeChoice:
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.ground.sight.range_m / point)
         self._reach = self._least_reach
-        self.zones: ZonedGrounds = setup.ground.scratch.setdefault("zones", ZonedGrounds(setup.ground.prepared))
+        scratch = setup.ground.scratch
+        if "zones" not in scratch:
+            scratch["zones"] = ZonedGrounds(setup.ground.prepared)
+        self.zones: ZonedGrounds = scratch["zones"]
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Return True, as each choice is free."""

@@ -109,13 +109,8 @@ class Spacing:
         most_slack: float = math.inf,  # upper bound of the slack, as a share of an equal gap
     ) -> None:
         """Lay places a stride of driving apart along a round."""
-        self.round, self.number, self.followers, self.whole, self.stride = (
-            laid_out,
-            spec.number,
-            followers,
-            whole,
-            stride,
-        )
+        self.round, self.number, self.stride = laid_out, spec.number, stride
+        self.followers, self.whole = followers, whole
         self.robots: dict[int, Followed] = {}  # those that are followed, this one too
         self.heard: dict[int, Heard] = {}  # of this robot and of those heard lately
         self._slack, self._slack_m, self._most_slack = SLACK, SLACK_RANGES * range_m, most_slack

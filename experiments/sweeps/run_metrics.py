@@ -97,16 +97,14 @@ class GameLog:
 
         That does nothing with a sensor that leaves some of a point's age: it is open then what such a sensor has seen.
         """
-        from experiments.intruders.sightings import (
-            Sightings,  # here: it loads kernels, and pages need names of metrics only
-        )
+        # Here, as it loads kernels, and pages need names of metrics only.
+        from experiments.intruders.sightings import Sightings
 
         footprint = world.truth.footprint
         if footprint.leaves_age:
             return lambda _: None
-        graph = (
-            None if world.scenario.terrain.graph is None else world.prepared.make_graph()
-        )  # as `nodes` in the summary
+        has_graph = world.scenario.terrain.graph is not None  # as `nodes` in the summary
+        graph = world.prepared.make_graph() if has_graph else None
         sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
         self.sightings = sightings
         self._step = world.scenario.step

@@ -11,7 +11,6 @@ open unless a fault of kind `close` closes it, which operators give too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Annotated, Self
 
 import numpy as np
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from patrol.areas import MOST_TIMES, Span, check_spans, has_area, listed_in_file
-from patrol.changing.ground import Parts
 from patrol.ground.marks import Look, Mark, Moment, mark_ground
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import Terrain
@@ -72,11 +70,6 @@ Closures = Annotated[
     at_most(MOST_CLOSURES, "closures"),
     listed_in_file("closures", "{name: door, polygon: ..., closed: [[60, 90]]}"),
 ]
-
-
-def closable_parts(closures: Iterable[ClosureSpec], terrain: Terrain) -> Parts:
-    """Return the points of each closure by its name; nothing may be closed on the terrain."""
-    return {closure.name: closure_points(closure, terrain) for closure in closures}
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:

@@ -14,6 +14,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -176,7 +177,7 @@ def rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     """
     finder = TourFinder(prepared)
     if finder.why_no_rounds:
-        return dict.fromkeys(finder.grounds)
+        return dict.fromkeys(prepared.scenario.numbers)
     distinct = {id(own): own for own in finder.grounds.values()}
     rounds = {key: finder.find_round(own) for key, own in distinct.items()}
     return {number: rounds[id(own)] for number, own in finder.grounds.items()}
@@ -198,17 +199,20 @@ def followers_of(rounds: Mapping[int, Round | None], number: int) -> frozenset[i
 class TourFinder:
     """Finds tours for a fleet.
 
-    `grounds` is the own ground of each robot, by number. There are tours only where the sensor `sees_all_round` at one
-    look, and its code cannot change under its name.
+    There are tours only where the sensor `sees_all_round` at one look, and its code cannot change under its name.
     """
 
     def __init__(self, prepared: Prepared) -> None:
-        self.grounds = own_grounds(prepared)
-        self._roster, self.terrain = prepared.scenario.roster, prepared.terrain
+        self._prepared, self._roster, self.terrain = prepared, prepared.scenario.roster, prepared.terrain
         self._footprint = footprint = sensor_footprint(prepared.scenario, prepared.terrain)
         identity = _sensor_identity(prepared.scenario.sensor)
         self.sees_all_round = footprint.all_round and not footprint.leaves_age and identity is not None
         self._identity = identity or ()
+
+    @cached_property
+    def grounds(self) -> dict[int, OwnGround]:
+        """The own ground of each robot, by number; found only where it is asked for, as it takes long on large maps."""
+        return own_grounds(self._prepared)
 
     @property
     def why_no_rounds(self) -> str:

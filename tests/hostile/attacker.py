@@ -115,14 +115,14 @@ class Attacker:
         return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
 
     def sees(self, robot: str) -> bool:
-        """Whether the router knows a robot's liveliness token."""
+        """Return True if the router knows a robot's liveliness token."""
         replies = self._sessions[WORLD_ROLE].liveliness().get(self.keys.alive(robot), timeout=PATIENCE_S)
         return any(reply.ok is not None for reply in replies)
 
     # --- what was read along -----------------------------------------------------------------------------------------
 
     def phases_a(self, robot: str, k: int) -> int:
-        """How often phase A of a tick was sent to a robot."""
+        """Count how often phase A of a tick was sent to a robot."""
         sent = [decode_to_robot(payload) for key, payload in list(self.heard) if key == self.keys.tick(robot)]
         return sum(isinstance(message, PhaseA) and message.k == k for message in sent)
 

@@ -33,7 +33,7 @@ class Target:
         self.run.until(lambda: self.asked(do="pause"))
 
     def asked(self, **control: Any) -> bool:
-        """Whether the world has done what it was asked for."""
+        """Return True if the world has done what it was asked for."""
         return self._answer(control) is not None
 
     def step(self, ticks: int) -> int:
@@ -50,7 +50,7 @@ class Target:
         return int(answer.rpartition("paused before tick ")[2])
 
     def _answer(self, control: dict[str, Any]) -> str | None:
-        """What the world says that it has done; None where it has not, or does not answer."""
+        """Return the world's word of what it has done; None where it has not, or does not answer."""
         client = ControlClient(self.link, self.keys, self.access.token, time.monotonic, os.urandom)
         try:
             answer = client.ask(control, 60.0).answer

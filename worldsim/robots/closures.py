@@ -16,7 +16,6 @@ import numpy as np
 
 from patrol.areas import is_in_one_of
 from patrol.changing.ground import IN_IT, WAITING, WAITS, ChangingFootprint, ClosedPoints, faces
-from patrol.closures.spec import closable_parts
 from patrol.exchange import MOST_BLOCKED
 from patrol.faults.kinds import Close, OnGround
 from patrol.journal import Event
@@ -30,8 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patrol.closures.spec import ClosureSpec
-    from patrol.ground.terrain import Terrain
-    from patrol.scenario import Scenario
+    from patrol.prepare import Prepared
     from worldsim.faults import Timeline
     from worldsim.robots.bodies import Body
 
@@ -42,13 +40,13 @@ class Closures:
     `timeline` may be replaced between ticks by one with the same past.
     """
 
-    def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
-        """Begin with all of them open; the terrain is the ground with nothing closed."""
+    def __init__(self, prepared: Prepared, timeline: Timeline) -> None:
+        """Begin with all of them open."""
+        scenario, self._terrain = prepared.scenario, prepared.terrain
         self.timeline = timeline
         self._specs = scenario.closures
-        self._terrain = terrain
         self._seed, self._step = scenario.seed, scenario.step
-        self._closed = ClosedPoints(closable_parts(scenario.closures, terrain), terrain)
+        self._closed = ClosedPoints(prepared.closable, prepared.terrain)
         self._drawn = [False] * len(scenario.closures)
 
     @property

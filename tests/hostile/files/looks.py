@@ -1,4 +1,4 @@
-"""What commands make of files, as calls; and what tests expect of a call."""
+"""Calls of commands on files, and the answers that tests expect of a call."""
 
 import json
 from collections.abc import Callable
@@ -49,7 +49,7 @@ def looked_at(folder: Path) -> None:
 
 
 def one_line(call: Callable[[], object]) -> str:
-    """What a call says that refuses its input."""
+    """Return the one line of a call that refuses its input."""
     with pytest.raises(BadInput) as caught:
         call()
     assert str(caught.value).isprintable()

@@ -105,7 +105,7 @@ def _on_connections(door: Door, payloads: list[bytes]) -> Counter[str]:
 
 @contextmanager
 def _overheard_beginning(door: Door) -> Iterator[bytes]:
-    """What a client sends first, heard by listening in a router's place."""
+    """Return the first words of a client, heard by listening in a router's place."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(REFUSED_S)
         port = server.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Whether a fleet has held out against its stranger: what is seen of a spell, and what is wrong with it."""
+"""The verdict on a fleet that a stranger has attacked: the facts of a spell, and the faults in them."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ NOT_FOR_STRANGERS = (LET_IN, OVERHEARD, ASKED)
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What was seen of a spell.
+    """The facts of a spell.
 
     Attributes:
         ended: Why the run ended, as in its journal; what went wrong instead, where it has none.
@@ -51,7 +51,7 @@ class Seen:
 
 
 def problems(spell: Spell, seen: Seen) -> list[str]:
-    """What is wrong, one line each; nothing where the fleet has held out.
+    """List the faults, one line each; nothing where the fleet has held out.
 
     A stranger with no secret, or with a viewer's credentials, changes nothing: the verdict is valid, and in lockstep
     the trace is that of the run without it. One with a robot's credentials may speak for that robot. Then the verdict
