@@ -133,7 +133,7 @@ def spin(executor):
     executor.spin_once(timeout_sec=0.0)
     raise KeyError("publisher_gid")
 SingleThreadedExecutor.spin = spin
-runpy.run_module("agent", run_name="__main__")
+runpy.run_module("ros2.robot", run_name="__main__")
 """
 
 
