@@ -75,10 +75,11 @@ def one_line(
 ) -> str:
     """Write the first problem as ``source: line 3: field = value: problem``, and count the others.
 
-    Unknown keys come first. `source` is the file, or what a mapping is called. `overridden` has the dotted fields that
-    were given as overrides and not by the source; `aliases` is what to call a field instead of its dotted name.
+    Keys that are gone come first, then unknown ones. `source` is the file, or what a mapping is called. `overridden`
+    has the dotted fields that were given as overrides and not by the source; `aliases` is what to call a field instead
+    of its dotted name.
     """
-    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
+    problems = sorted(error.errors(include_url=False), key=_rank_problem)
     line = _describe_problem(problems[0], source, overridden, line_of, aliases)
     extra = len(problems) - 1
     return f"{line} (and {extra} more {'problem' if extra == 1 else 'problems'})" if extra else line
@@ -101,6 +102,12 @@ def naming(source: object, overridden: Collection[str] = ()) -> Iterator[None]:
         raise BadInput(f"{name}: {text}") from None
 
 
+def _rank_problem(problem: ErrorDetails) -> int:
+    if problem["type"] not in _UNKNOWN:
+        return 2
+    return 0 if _gone_key(str(problem["loc"][-1]), _known_at(problem["loc"])[0]) else 1
+
+
 def _describe_problem(
     problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf, aliases: Mapping[str, str]
 ) -> str:
@@ -118,7 +125,8 @@ def _describe_problem(
     section, note = _known_at(problem["loc"])
     match problem["type"]:
         case "extra_forbidden" | "invalid_key":
-            return f"{where}: {_unknown_key(str(location[-1]), section)}"
+            key, in_list = str(location[-1]), any(isinstance(part, int) for part in location)
+            return f"{where}: {_gone_key(key, section) or f'unknown key; {_nearest_key(key, section, in_list)}'}"
         case "missing":
             return f"{where}: missing; give {note or 'it'}"
         case "crossed":
@@ -192,8 +200,9 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
     return section, note
 
 
-def _unknown_key(key: str, section: type[Section]) -> str:
-    if section is SECTIONS["zones"] and key == "one_way":
+def _gone_key(key: str, section: type[Section]) -> str:
+    """Return what took the place of a key that is gone, or has no effect here; empty for any other."""
+    if section is SECTIONS["zones"] and key in ("one_way", "direction"):
         return "one-way zones are gone; drop it, or keep robots out with keep_out"
     if issubclass(section, PatrolSpec) and key in GONE:
         return f"is no setting of patrol; set {GONE[key]}"
@@ -202,13 +211,18 @@ def _unknown_key(key: str, section: type[Section]) -> str:
     for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):
         if section is options and key in PotentialFieldOptions.model_fields:
             return f"does nothing for the policy {policy}; leave it out, or set patrol.policy to {PAPER}"
-    return f"unknown key; {_nearest_key(key, section)}"
+    return ""
 
 
-def _nearest_key(key: str, section: type[Section]) -> str:
-    """Find the nearest known key, of this section or with the section that it belongs under; or this section's."""
+def _nearest_key(key: str, section: type[Section], in_list: bool) -> str:
+    """Find the nearest known key, of this section or with the section that it belongs under; or this section's.
+
+    Only this section's for an entry of a list.
+    """
     if (meant := MEANT.get(key.lower())) in _section_keys(section):
         return f"did you mean {meant}?"
+    if in_list:
+        return did_you_mean(key, _section_keys(section))
     everywhere: dict[str, type[Section]] = {
         **dict(reversed(list(SECTIONS.items()))),  # a key of several sections more often means an earlier one
         "robots": RobotGroup,

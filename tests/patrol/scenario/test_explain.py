@@ -65,6 +65,8 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"sensor": {"seed": 1}}, "sensor.seed: unknown key; did you mean seed at the top level?"),
         ({"robots": {"name": "x"}}, "robots.name: unknown key; did you mean name at the top level?"),
         ({"robots": [{}, {"sped": 1}]}, "robots.1.sped: unknown key; did you mean speed?"),
+        ({"zones": [{"rect": 1, "mark": 1}]}, "zones.0.rect: unknown key; known are name, polygon, mask, keep_out"),
+        ({"zones": [{"rect": 1, "one_way": 1}]}, "zones.0.one_way: one-way zones are gone; drop it"),
         ({"qqqqq": 1}, "qqqqq: unknown key; known are name, terrain, point"),
         ({7: 1}, "7: unknown key"),
         ({"terrain": {}}, "terrain: exactly one is needed: {builtin: NAME} or {map: FILE.yaml}"),
