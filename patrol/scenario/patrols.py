@@ -73,7 +73,8 @@ def patrol_settings(name: str | None, others: Mapping[str, object]) -> dict[str,
     if name is None:
         return {}
     if name not in PATROLS:
-        raise BadInput(f"patrol {name}: no such patrol; {did_you_mean(name, list(PATROLS))}")
+        known = did_you_mean(name, list(PATROLS))
+        raise BadInput(f"patrol {name}: no such patrol; {known}; for any other policy give --set {FIELD}=POLICY")
     for field in (FIELD, "patrol"):
         if field in others:
             raise BadInput(f"patrol {name}: {field} is set as well, by a preset or by itself; give only one of them")

@@ -29,6 +29,7 @@ def test_the_tour_alone_is_predictable_and_rivals_keep_their_names() -> None:
     ("words", "problem"),
     [
         (["--patrol", "tuor"], "patrol tuor: no such patrol; did you mean tour?"),
+        (["--patrol", "hpcc"], "stochastic, paper, tour; for any other policy give --set patrol.policy=POLICY"),
         (["--patrol", "tour", "--set", "patrol.policy=sebs"], "patrol tour: patrol.policy is set as well, by a preset"),
         (["--patrol", "tour", "--set", "patrol={}"], "patrol tour: patrol is set as well, by a preset or by itself"),
         (["--patrol", "paper", "--preset", "letter"], "patrol paper: patrol.policy is set as well, by a preset"),
