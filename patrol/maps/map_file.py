@@ -23,7 +23,7 @@ from patrol.files.yaml_text import parse_yaml, read_text
 
 __all__ = ["MapFile", "read_map_file"]
 
-IMAGE_ENDINGS = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
+IMAGE_ENDINGS = (".pbm", ".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg")
 IS_IMAGE = "is an image; give the map's YAML file, which names the image and its resolution"
 
 Mode = Literal["trinary", "scale", "raw"]

@@ -204,7 +204,7 @@ def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"yrads: no such scenario or map file.*did you mean yards\?"):
         open_scenario("yrads")
     with pytest.raises(BadInput, match="is an image; give the map's YAML"):
-        open_scenario(str(tmp_path / "hall.pgm"))
+        open_scenario(str(tmp_path / "hall.pbm"))
     with pytest.raises(BadInput, match="is a folder"):
         open_scenario(str(tmp_path))
     file = write(tmp_path / "many.yaml", "base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
