@@ -123,7 +123,9 @@ def _exit_code_of(robot: SimRobot, warn: Callable[[str], None], ending: Ending) 
 
 def simulated_parser() -> ProcessParser:
     """Make the command line's parser for a robot that a world simulates."""
-    parser = fleet_parser("fogwatch agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
+    instead = "; for a ROS 2 robot give --robot ros2 instead"
+    description = "One robot of a simulated fleet, as a process."
+    parser = fleet_parser("fogwatch agent", description, HELP, "router and world", instead)
     add = parser.add_argument
     add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")

@@ -73,7 +73,7 @@ class ProcessParser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message}; all options: {self.prog} --help\n")
 
 
-def fleet_parser(prog: str, description: str, epilog: str, others: str) -> ProcessParser:
+def fleet_parser(prog: str, description: str, epilog: str, others: str, instead: str = "") -> ProcessParser:
     """Make a parser of the options that world and agents have; the caller adds its own."""
     parser = ProcessParser(prog, description, epilog)
     add = parser.add_argument
@@ -84,7 +84,8 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
         help="the router that the fleet meets at; not in a mesh (default: the credentials')",
     )
     add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
-    add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
+    scenario = f"the scenario, the same for all processes{instead}"
+    add("--scenario", required=True, type=Path, metavar="FILE", help=scenario)
     add(
         "--radio",
         metavar="LOCATOR|FOLDER",

@@ -31,7 +31,7 @@ def test_the_help_of_a_process_is_its_own(words: list[str], shown: str, shell: S
         (["agent", "--robot", "ros2", "--connect", "10.0.0.1"], "robot: --connect '10.0.0.1': not a router's address"),
         (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
         (["agent", "--robot", "ros2"], "--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447"),
-        (["agent", "--fleet", "f"], "fogwatch agent: --scenario FILE is missing: the scenario, the"),
+        (["agent", "--fleet", "f"], "the same for all processes; for a ROS 2 robot give --robot ros2 instead; all"),
         (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
         (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),
         (["robot-sim", "--robots", "a,a", "--map", "PLAN", *CONNECT], "--robots a,a: give up to 64 different names"),
