@@ -78,7 +78,7 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     for field in fields:
         in_runs = [leaves.get(field, "-") for leaves in flat]
         if any(value != in_runs[0] for value in in_runs):
-            texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in in_runs]
+            texts = [_text_of(value) for value in in_runs]
             shared = len(commonprefix(texts))  # noqa: RUF071 - of characters
             rows.append((field, *(_cut_text(text, shared) for text in texts)))
     return rows
@@ -179,6 +179,11 @@ def _walk_leaves(node: object, above: str = "") -> list[tuple[str, object]]:
             leaf for key, value in node.items() for leaf in _walk_leaves(value, f"{above}.{key}" if above else str(key))
         ]
     return [(above, node)]
+
+
+def _text_of(value: object) -> str:
+    """Spell a value without quotes, so that more of a list fits: ``[{kind: silence, at: 9.0, who: r2}]``."""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False).replace('"', "")
 
 
 def _cut_text(text: str, shared: int) -> str:

@@ -61,6 +61,11 @@ def test_of_long_texts_the_part_that_differs_is_shown() -> None:
     assert [text[:3] for text in texts_of("x" * 41 + "a" * 60, "x" * 41 + "b" * 60)] == ["...", "..."]
 
 
+def test_a_fault_shows_whom_it_hits() -> None:
+    fault = {"kind": "silence", "id": "f1", "at": 120.0, "for": 300.0, "who": "r2", "direction": "both"}
+    assert "who: r2" in texts_of([], [fault])[1]
+
+
 def test_a_key_is_never_shown_and_classes_of_ones_own_are_told_apart_by_their_content() -> None:
     keys = [
         run_with({"radio": {"key": f"/secret/{n}", "model": "m.py:A", "model_sha256": f"{n}" * 64}}) for n in (1, 2)
