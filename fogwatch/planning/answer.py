@@ -61,7 +61,7 @@ def _size_answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
     if plan.quick:
         yield f"answer: {robots_text(plan.chosen)}, by tours alone: {age_text(size.age_s)} s; run it without --quick"
         return
-    yield f"answer: {_kept_by(size, wanted_s)}"
+    yield f"answer: {_kept_by(size, wanted_s)}; longer runs may exceed it"
     fewer = next((size for size in plan.sizes if size.robots == plan.chosen - 1), None)
     if fewer is not None and fewer.runs:
         yield f"one fewer: {_kept_by(fewer, wanted_s)}"
