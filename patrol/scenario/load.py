@@ -265,7 +265,7 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
     if raw is None:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
-        raise BadInput(f"{path}: is no scenario or map; expected keys and values, as in 'terrain: {{builtin: yards}}'")
+        raise BadInput(f"{path}: holds {quoted(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
     if "terrain" not in raw and (what := kind_of_mapping(raw)):
         raise BadInput(f"{path}: {what}")
     if "base" in raw and "terrain" not in raw:
