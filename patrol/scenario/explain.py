@@ -202,7 +202,7 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 def _gone_key(key: str, section: type[Section]) -> str:
     """Return what took the place of a key that is gone, or has no effect here; empty for any other."""
-    if section is SECTIONS["zones"] and key in ("one_way", "direction"):
+    if section is SECTIONS["zones"] and key == "one_way":
         return "one-way zones are gone; drop it, or keep robots out with keep_out"
     if issubclass(section, PatrolSpec) and key in GONE:
         return f"is no setting of patrol; set {GONE[key]}"
@@ -224,7 +224,7 @@ def _nearest_key(key: str, section: type[Section], in_list: bool) -> str:
     if in_list:
         return did_you_mean(key, _section_keys(section))
     everywhere: dict[str, type[Section]] = {
-        **dict(reversed(list(SECTIONS.items()))),  # a key of several sections more often means an earlier one
+        **SECTIONS,
         "robots": RobotGroup,
         "patrol.options": PotentialFieldOptions,
         "radio.options": PathLossOptions,

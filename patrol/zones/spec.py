@@ -68,7 +68,6 @@ Weights = Annotated[tuple[tuple[NotNegative, Weight], ...], at_most(MOST_TIMES, 
 MOST_NAMED = 4
 """Times of a zone that are named to people, at most, and its later weights."""
 
-
 Weighing = frozenset[tuple[str, float | None]]
 """The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 

@@ -80,7 +80,7 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
 
 
 def _names_only(detail: str, spell: Spell) -> bool:
-    """Whether a check's detail names the stranger's robot and no other."""
+    """Return True if a check's detail names the stranger's robot and no other."""
     words = set(detail.replace(":", " ").replace(",", " ").replace(";", " ").split())
     others = {robot.name for robot in spell.scenario.roster} - {spell.victim}
     return spell.victim in words and not others & words
