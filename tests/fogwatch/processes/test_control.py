@@ -189,7 +189,10 @@ def test_closures_closed_and_opened_from_a_shell_do_so_again(operate: Callable[.
 def test_zones_that_an_operator_switches_leave_the_same_trace(
     operate: Callable[..., Operating], tmp_path: Path
 ) -> None:
-    at = operate({**SITE, "duration": 100_000})
+    vault, ward = SITE["zones"]
+    lasting = [vault | {"times": [[10, 50_000]]}, ward | {"times": [[20, 60_000]]}]
+    site = {**SITE, "duration": 100_000, "zones": lasting}
+    at = operate(site)
     held = at.step(30)
     assert at.ask(do="zone", name="ward", on=True).text == f"ward is in force from tick {held} on"
     assert at.ask(do="zone", name="vault", weight=0.2).text == f"vault counts 0.2 times from tick {held} on"
@@ -200,7 +203,7 @@ def test_zones_that_an_operator_switches_leave_the_same_trace(
     at.go_on(30)
     at.run.assert_replayed()
     length = {"duration": at.run.summary()["ticks"] * 0.5}
-    untouched = fogwatch.run({**SITE, **length}, out=tmp_path / "untouched", picture=False)
+    untouched = fogwatch.run({**site, **length}, out=tmp_path / "untouched", picture=False)
     assert untouched.trace_hash != at.run.summary()["trace_hash"]
 
 
@@ -274,10 +277,10 @@ def command_lines() -> list[str]:
 
 
 def test_the_recovery_from_an_operators_first_fault_is_judged_too(operate: Callable[..., Operating]) -> None:
-    at = operate({**COARSE, "duration": 30, "robots": 2 * [{}]}, "--recovery")
+    at = operate({**COARSE, "duration": 600, "robots": 2 * [{}]}, "--recovery")
     at.step(8)
     assert at.fault(kind="loss", rate=0.5, **{"for": 1}).done
     assert at.ask(do="go").done
     assert at.run.end() == 0, at.run.errors
     (check,) = [check for check in at.run.summary()["verdict"]["checks"] if check["name"] == "recovery"]
-    assert check["detail"].endswith("5 x the fault-free MFoW"), "it has been measured, and the run was too short"
+    assert check["detail"].startswith("every point was seen again in "), check["detail"]
