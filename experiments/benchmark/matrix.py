@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from experiments.benchmark.conditions import check_condition, faults_of, least_team
+from experiments.benchmark.conditions import check_condition, condition_of
 from experiments.sweeps.cases import CaseRow
 from experiments.sweeps.figures import POLICY
 from experiments.sweeps.plan import Base, Case, Label, Plan, make_plan
@@ -48,16 +48,20 @@ class Matrix:
 
     def plan(self) -> Plan:
         """Return the plan of all runs, with intruder games; conditions that need a larger team are left out."""
-        for condition in self.conditions:
-            if max(self.teams) < (needed := least_team(condition)):
-                teams = ",".join(map(str, self.teams))
-                remedy = "give a larger team or drop the condition"
-                raise BadInput(f"--teams {teams}: {condition} needs {needed} robots or more; {remedy}")
+        cells: dict[tuple[int, str], None] = {}  # once each: robots-N is the same for teams of every size
+        for team in self.teams:
+            for name in self.conditions:
+                condition = condition_of(name, self.duration_s)
+                robots = condition.robots or team
+                if robots >= condition.smallest_team:
+                    cells[robots, name] = None
+                elif robots >= (condition.robots or max(self.teams)):
+                    teams, needed = ",".join(map(str, self.teams)), condition.smallest_team
+                    remedy = "give a larger team or drop the condition"
+                    raise BadInput(f"--teams {teams}: {name} needs {needed} robots or more; {remedy}")
         cases = [
             self._case(policy, terrain, team, condition)
-            for team in self.teams
-            for condition in self.conditions
-            if team >= least_team(condition)
+            for team, condition in cells
             for terrain in self.terrains
             for policy in self.policies
         ]
@@ -66,22 +70,21 @@ class Matrix:
         return replace(plan, runs=tuple(replace(run, games=True) for run in plan.runs))
 
     def _case(self, policy: NamedSettings, terrain: NamedSettings, team: int, condition: str) -> Case:
-        faults = faults_of(condition, self.duration_s)
         settings = {
             **terrain.settings,
             **self.settings,
             "duration": self.duration_s,
             "robots.count": team,
             **policy.settings,
-            **({"faults": faults} if faults else {}),
         }
+        changed = condition_of(condition, self.duration_s).add_to(settings)
         labels = (
             Label(POLICY, "policy", policy.name, given=True),
             Label("terrain", "terrain", terrain.name, given=True),
             Label("robots.count", "team", str(team), given=False),
             Label("faults", "condition", condition, given=True),
         )
-        return Case(f"{policy.name} on {terrain.name}, {robots_text(team)}, {condition}", settings, labels)
+        return Case(f"{policy.name} on {terrain.name}, {robots_text(team)}, {condition}", changed, labels)
 
 
 def places_of(case: Case | CaseRow) -> dict[str, str]:

@@ -1,11 +1,12 @@
 """The runs of the benchmark: conditions are the faults that they say, and texts give the cells."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
-from experiments.benchmark.conditions import check_condition, faults_of, least_team
+from experiments.benchmark.conditions import ALL, check_condition, condition_of
 from experiments.benchmark.matrix import (
     Matrix,
     NamedSettings,
@@ -14,8 +15,10 @@ from experiments.benchmark.matrix import (
     read_policies,
     read_teams,
     read_terrains,
+    run_command,
 )
 from patrol.errors import BadInput
+from patrol.scenario import load_scenario, parse_overrides
 from worldsim.faults import Timeline
 
 
@@ -53,11 +56,63 @@ def matrix(**more: object) -> Matrix:
 )
 def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -> None:
     check_condition(name)
-    assert faults_of(name, 5000.0) == faults
+    assert condition_of(name, 5000.0).faults == faults
+    assert condition_of(name, 5000.0).add_to({"robots.count": 4}).get("faults", []) == faults
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_scenario_under_each_condition_is_valid(name: str) -> None:
+    one = matrix(policies=read_policies("stochastic"), teams=(4,), conditions=(name,), seeds=(1,))
+    (run,), (case,) = one.plan().runs, one.plan().cases
+    again = shlex.split(run_command(case, 1))
+    overrides = parse_overrides([word for word, before in zip(again[1:], again, strict=False) if before == "--set"])
+    assert load_scenario({"terrain": {"builtin": again[2]}}, overrides).roster == run.scenario.roster
+    assert len(run.scenario.faults) == len(condition_of(name, 600.0).faults)
+    assert len(run.scenario.roster) == (26 if name == "robots-26" else 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "speeds", "models"),
+    [
+        ("none", [2.0] * 4, "hhhh"),
+        ("slower-5", [1.9, 2.0, 2.0, 2.0], "hhhh"),
+        ("speeds", [1.0, 1.5, 2.0, 2.5], "hhhh"),
+        ("bodies", [2.0] * 4, "hdch"),
+        ("slower-50+bodies+robots-2", [1.0, 2.0], "hd"),
+        ("loss-4+speeds+slower-10", [0.9, 1.5, 2.0, 2.5], "hhhh"),
+    ],
+)
+def test_robots_need_not_be_alike(name: str, speeds: list[float], models: str) -> None:
+    settings = {"robots.speed": "2", "robots.radius": 0.3, "robots.model": "holonomic", "point": 2.0}
+    (run,) = (
+        matrix(policies=read_policies("cr"), teams=(4,), conditions=(name,), seeds=(1,), settings=settings).plan().runs
+    )
+    assert [spec.speed for spec in run.scenario.roster] == speeds
+    assert "".join(spec.model[0] for spec in run.scenario.roster) == models
+    assert {spec.radius for spec in run.scenario.roster} == {0.3}
+
+
+def test_a_condition_that_says_how_many_robots_is_tried_once() -> None:
+    plan = matrix(policies=read_policies("cr"), conditions=("none", "robots-3", "robots-2+deaths")[:2]).plan()
+    assert [(places_of(case)["team"], places_of(case)["condition"]) for case in plan.cases] == [
+        ("2", "none"),
+        ("3", "robots-3"),
+        ("4", "none"),
+    ]
+    for conditions in ("robots-2+deaths", "robots-1+loss-5"):
+        with pytest.raises(BadInput, match=r"needs [23] robots or more; give a larger team or drop"):
+            matrix(conditions=(conditions,)).plan()
+
+
+def test_a_speed_that_is_no_number_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"--set robots\.speed=fast: expected a number of m/s"):
+        matrix(conditions=("speeds",), settings={"robots.speed": "fast"}).plan()
 
 
 def test_robots_die_within_a_shorter_run() -> None:
-    assert [fault["at"] for fault in faults_of("deaths", 600.0)] == [100.0, 366.667]
+    assert [fault["at"] for fault in condition_of("deaths", 600.0).faults] == [100.0, 366.667]
+    (fault,) = condition_of("one-death", 1200.0).faults
+    assert (fault["who"], fault["at"], fault["wreck"]) == ("r2", 400.0, "removed")
     one = matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
     (run,) = one.plan().runs
     timeline = Timeline(run.scenario)
@@ -66,7 +121,19 @@ def test_robots_die_within_a_shorter_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["loss", "loss-0", "loss-101", "loss-5.5", "jitter-100", "death", "none+deaths", "deaths+deaths", ""]
+    "name",
+    [
+        "loss",
+        "loss-0",
+        "loss-101",
+        "loss-5.5",
+        "jitter-100",
+        "death",
+        "none+deaths",
+        "deaths+deaths",
+        "robots-3+robots-4",
+        "",
+    ],
 )
 def test_what_is_no_condition_is_refused(name: str) -> None:
     with pytest.raises(BadInput, match="--conditions"):
@@ -78,6 +145,11 @@ def test_what_is_no_condition_is_refused(name: str) -> None:
     [
         ("loss-300", "loss-300: expected loss-1 to loss-100, in whole %"),
         ("deaths+jitter-100", "jitter-100: expected jitter-1 to jitter-99, in whole %"),
+        ("slower-100", "slower-100: expected slower-1 to slower-99, in whole %"),
+        ("delay-61", "delay-61: expected delay-1 to delay-60, in whole s"),
+        ("range-0", "range-0: expected range-1 to range-1000, in whole m"),
+        ("robots-9999999", "robots-9999999: expected robots-1 to robots-65000, in whole robots"),
+        ("burst", "burst: no such condition; did you mean bursts?"),
         ("death", "death: no such condition; did you mean deaths?"),
     ],
 )
@@ -94,7 +166,7 @@ def test_cells_are_all_combinations_that_have_enough_robots() -> None:
     tried = {(int(place["team"]), place["condition"]) for place in places}
     assert tried == {(2, "none"), (2, "loss-50"), (4, "none"), (4, "loss-50"), (4, "deaths")}
     assert len(places) == 10
-    assert [least_team(name) for name in ("none", "spoof", "loss-90+deaths")] == [1, 2, 3]
+    assert [condition_of(name, 600.0).smallest_team for name in ("none", "spoof", "loss-90+deaths")] == [1, 2, 3]
     assert all(run.games for run in plan.runs)
     assert len({run.key for run in plan.runs}) == 20
     for run, place in zip(plan.runs, [place for place in places for _ in (1, 2)], strict=True):

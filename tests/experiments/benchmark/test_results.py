@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.benchmark.conditions import faults_of
+from experiments.benchmark.conditions import condition_of
 from experiments.benchmark.matrix import Matrix, read_policies, read_terrains
 from experiments.benchmark.plane import plane_drawings
 from experiments.benchmark.presets import preset_named, presets
@@ -135,7 +135,7 @@ def test_presets_set_the_published_conditions(terrain: str) -> None:
     assert matrix.settings["point"] == 0.1
     jittered = preset_matrix("m2bench-jitter", terrain)
     assert jittered.settings == matrix.settings
-    assert faults_of(jittered.conditions[-1], 500.0)[0]["jitter"]["size"] == 0.25
+    assert condition_of(jittered.conditions[-1], 500.0).faults[0]["jitter"]["size"] == 0.25
 
 
 def test_a_preset_says_where_its_files_come_from(terrain: str, tmp_path: Path) -> None:
