@@ -1,9 +1,12 @@
-"""Conditions of published numbers, on the graph of cumberland, and the numbers beside ours; presets.yaml has them."""
+"""Benchmarks by name, as presets.yaml has them.
+
+Most are the conditions of published numbers, on the graph of cumberland, with the numbers beside ours.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -26,17 +29,21 @@ SOURCE = "maps/cumberland of the public repository github.com/davidbsp/patrollin
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """The conditions of published numbers, and the numbers."""
+    """The conditions of published numbers, and the numbers; or conditions alone."""
 
-    title: str  # whose numbers they are
+    title: str  # whose numbers they are, or what is compared
     conditions: tuple[str, ...]  # their names
     settings: Mapping[str, object]  # of all runs, by dotted field, with team and duration
-    starts: tuple[int, ...]  # vertices on which the robots start
-    visit: float  # distance within which a robot visits a vertex, m
     measures: Mapping[str, str]  # what is compared: the titles of metrics
+    policies: str | None = None  # unless others are asked for; None for all built-in ones
+    terrains: str | None = None  # likewise
+    # settings of terrains, by dotted field: of those "built-in" and of "maps"
+    grounds: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    starts: tuple[int, ...] = ()  # vertices on which the robots start
+    visit: float = 0.0  # distance within which a robot visits a vertex, m
     # what its authors call a patrol, ours of that name, the condition, and the values; "-" where there is none
-    published: tuple[tuple[str | None, ...], ...]
-    differs: tuple[str, ...]  # in what our runs differ from theirs
+    published: tuple[tuple[str | None, ...], ...] = ()
+    differs: tuple[str, ...] = ()  # in what our runs differ from theirs
 
     def matrix(
         self,
@@ -44,8 +51,22 @@ class Preset:
         terrains: tuple[NamedSettings, ...],
         seeds: tuple[int, ...],
         settings: Mapping[str, object],
+        conditions: tuple[str, ...] | None = None,
     ) -> Matrix:
-        """Return the preset's runs; `settings`, by dotted field, hold over its own."""
+        """Return the preset's runs; `settings`, by dotted field, and `conditions` hold over its own."""
+        shared = {**self.settings, **(self._on_graph(terrains) if self.published else {}), **settings}
+        team, duration_s = int(str(shared.pop("robots.count"))), float(str(shared.pop("duration")))
+        terrains = tuple(
+            replace(terrain, settings={**terrain.settings, **self.ground_settings(terrain)}) for terrain in terrains
+        )
+        return Matrix(policies, terrains, (team,), conditions or self.conditions, seeds, duration_s, shared)
+
+    def ground_settings(self, terrain: NamedSettings) -> Mapping[str, object]:
+        """Return the settings that depend on the terrain, by dotted field."""
+        return self.grounds.get("built-in" if "terrain.builtin" in terrain.settings else "maps", {})
+
+    def _on_graph(self, terrains: tuple[NamedSettings, ...]) -> Mapping[str, object]:
+        """Return the settings of runs on the graph of cumberland, which must be the only terrain."""
         graph = Path(str(terrains[0].settings.get("terrain.graph", "")))
         if len(terrains) > 1 or not graph.is_file():
             raise BadInput(f"--preset: needs --terrains cumberland.graph+cumberland.yaml; get the files from {SOURCE}")
@@ -54,10 +75,7 @@ class Preset:
             has = f"has {len(places)} vertices, cumberland {VERTEX_COUNT}"
             raise BadInput(f"--terrains {graph}: {has}; get it from {SOURCE}")
         starts = [list(places[vertex]) for vertex in self.starts]
-        visits = {"terrain.graph": {"file": str(graph), "visit": self.visit}}
-        shared = {**self.settings, "robots.starts": starts, **visits, **settings}
-        team, duration_s = int(str(shared.pop("robots.count"))), float(str(shared.pop("duration")))
-        return Matrix(policies, terrains, (team,), self.conditions, seeds, duration_s, shared)
+        return {"robots.starts": starts, "terrain.graph": {"file": str(graph), "visit": self.visit}}
 
     def beside_ours(self, rows: Sequence[CaseRow]) -> Table:
         """Return the table of published numbers beside ours: first the rows that have published ones."""

@@ -17,10 +17,14 @@ from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import with_interval
 from fogwatch.terminal.live_table import robots_text
 from monitor.tables.table import Table
+from patrol.scenario import Scenario
 
-LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"
+LATE, TOUR, TOUR_M, SEEN = "mfow_late_mean_s", "best_tour_s", "best_tour_m", "seen_share"
 OVER_TOUR = "mfow_late_over_tour"
 """Name of the metric that is the late MFoW as a ratio to that on the best tour found."""
+
+OVER_CAPACITY = "mfow_late_over_capacity"
+"""Name of the metric that is the late MFoW as a ratio to the capacity: length of the tour by sum of speeds."""
 
 ATTACK_S = 75.0
 """Duration of the attacks whose successes tables show, s; the files have the others too."""
@@ -43,18 +47,27 @@ MEASURES: Mapping[str, str] = {
     **{moving_metric(name): f"moving intruder, {name} (%)" for name in ("blind", "similar", "each", "future")},
     GAINED: "gain of watching (points)",
 }
-"""The measures that figures show, and their titles; the files have all."""
+"""The measures that figures show, and their titles; the files have all. A preset without published numbers adds its
+own."""
 
 
 def with_ratios(outcome: SweepOutcome) -> SweepOutcome:
-    """Return an outcome with `OVER_TOUR` as one more metric."""
-    return replace(outcome, results={key: _with_ratio(result) for key, result in outcome.results.items()})
+    """Return an outcome with `OVER_TOUR` and `OVER_CAPACITY` as two more metrics."""
+    scenarios = {run.key: run.scenario for run in outcome.plan.runs}
+    results = {key: _with_ratios(result, scenarios.get(key)) for key, result in outcome.results.items()}
+    return replace(outcome, results=results)
 
 
-def _with_ratio(result: RunResult) -> RunResult:
-    late, tour = result.metrics.get(LATE), result.metrics.get(TOUR)
-    ratio = late / tour if late is not None and tour else None
-    return replace(result, metrics={**result.metrics, OVER_TOUR: ratio})
+def _with_ratios(result: RunResult, scenario: Scenario | None) -> RunResult:
+    """Return a result with its ratios; `scenario` is None for a run of another plan, whose capacity is unknown."""
+    late, tour, length_m = (result.metrics.get(name) for name in (LATE, TOUR, TOUR_M))
+    speed = 0.0 if scenario is None else sum(spec.speed for spec in scenario.roster if not spec.spare)
+    capacity = length_m / speed if length_m is not None and speed else None
+    ratios = {
+        name: late / bound if late is not None and bound else None
+        for name, bound in ((OVER_TOUR, tour), (OVER_CAPACITY, capacity))
+    }
+    return replace(result, metrics={**result.metrics, **ratios})
 
 
 def cell_rows(rows: Sequence[CaseRow], seed: int) -> Table:
@@ -95,7 +108,13 @@ succeed because it watches."""
     for name, group in groups_of(rows):
         yield f"## {name}"
         yield policy_table(group).markdown()
-    if preset is not None:
+    if preset is not None and not preset.published:
+        for terrain in matrix.terrains:
+            own = ", ".join(f"{name} = {value}" for name, value in preset.ground_settings(terrain).items())
+            yield f"## {preset.title}: {terrain.name}"
+            yield f"{own}. Capacity: the length of the best tour found by the sum of all robots' speeds."
+            yield ground_table([row for row in rows if places_of(row)["terrain"] == terrain.name], preset).markdown()
+    elif preset is not None:
         yield f"## Beside {preset.title}"
         yield preset.beside_ours(rows).markdown()
         yield "\n".join(f"- {line}" for line in preset.differs)
@@ -130,10 +149,25 @@ def policy_table(rows: Sequence[CaseRow]) -> Table:
     return Table(heads, lines, range(1, len(heads)))
 
 
-def late_text(row: CaseRow) -> str:
+def ground_table(rows: Sequence[CaseRow], preset: Preset) -> Table:
+    """Return the table of a preset's measures on one terrain, a row for each condition and policy.
+
+    Measures that no run has are left out.
+    """
+    measures = [name for name in preset.measures if any(name in row.metrics for row in rows)]
+    heads = ["condition", "policy", *(preset.measures[name] for name in measures)]
+    cells = []
+    for row in rows:
+        places, over = places_of(row), late_text(row, OVER_CAPACITY, 2)
+        texts = {name: with_interval(row.metrics.get(name), sign=" ± ") for name in measures} | {OVER_CAPACITY: over}
+        cells.append([places["condition"], f"`{places['policy']}`", *(texts[name] for name in measures)])
+    return Table(heads, cells, range(2, len(heads)))
+
+
+def late_text(row: CaseRow, metric: str = LATE, digits: int = 0) -> str:
     """Return the late MFoW with half the width of its interval, or how much was seen where not all was."""
     if seen_all(row):
-        return with_interval(row.metrics.get(LATE), 0, " ± ")
+        return with_interval(row.metrics.get(metric), digits, " ± ")
     return f"({100.0 * row.metrics[SEEN].mean:.2f} % seen)"
 
 

@@ -61,14 +61,16 @@ class Comparison:
         ),
     ] = None
     terrains: Annotated[
-        str, _varied("NAME,...", "Built-in terrains, maps (MAP.yaml), or graphs with either (FILE.graph+MAP.yaml).")
-    ] = ",".join(BUILTINS)
-    teams: Annotated[str | None, _varied("N,...", f"Numbers of robots (default: {TEAM}).")] = None
-    conditions: Annotated[
         str | None,
         _varied(
-            "NAME,...", f"Of {', '.join(ALL)}; loss-P and jitter-P for any percentage, A+B for both (default: {NONE})."
+            "NAME,...",
+            "Built-in terrains, maps (MAP.yaml), or graphs with either (FILE.graph+MAP.yaml) (default: all built-in "
+            "ones).",
         ),
+    ] = None
+    teams: Annotated[str | None, _varied("N,...", f"Numbers of robots (default: {TEAM}).")] = None
+    conditions: Annotated[
+        str | None, _varied("NAME,...", f"Of {', '.join(ALL)}, with other numbers too, A+B for both (default: {NONE}).")
     ] = None
     seeds: Annotated[int | None, _of_run("K", f"Run each cell with seeds 1 to K (default: {SEEDS}).")] = None
     duration: Annotated[float | None, _of_run("S", f"Simulated time in s (default: {DURATION_S:g}).")] = None
@@ -90,20 +92,22 @@ class Comparison:
         str | None,
         _varied(
             "NAME",
-            "The conditions of published numbers, shown beside ours: m2bench, m2bench-jitter or magec, with --terrains "
-            "cumberland.graph+cumberland.yaml.",
+            "conditions: three policies where a fleet is not ideal. m2bench, m2bench-jitter or magec: conditions of "
+            "published numbers, shown beside ours, with --terrains cumberland.graph+cumberland.yaml.",
         ),
     ] = None
 
     def matrix(self, preset: Preset | None) -> Matrix:
         """Return all cases."""
         overrides = _read_overrides(self.settings or [])
-        policies = self.policies
+        policies, terrains = self.policies, self.terrains
+        if preset is not None:
+            policies, terrains = policies or preset.policies, terrains or preset.terrains
         if policies is None:
             from agent.policies.found import POLICIES  # here: loads much
 
             policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
-        chosen, terrains = read_policies(policies), read_terrains(self.terrains)
+        chosen, grounds = read_policies(policies), read_terrains(terrains or ",".join(BUILTINS))
         usual = (QUICK_SEEDS, QUICK_DURATION_S, QUICK_POINT_M) if self.quick else (SEEDS, DURATION_S, POINT_M)
         count, duration_s, point_m = (
             default if value is None else value
@@ -112,12 +116,16 @@ class Comparison:
         seeds = count_of_seeds(int(count))
         if preset is not None:
             for name in ("teams", "conditions", "duration", "point", "model", "quick"):
-                if getattr(self, name) not in (None, False):
+                may_differ = name in ("conditions", "duration") and not preset.published
+                if getattr(self, name) not in (None, False) and not may_differ:
                     raise BadInput(f"--{name}: --preset {self.preset} says what is run; leave it out, or drop --preset")
-            return preset.matrix(chosen, terrains, seeds, overrides)
+            conditions = None if self.conditions is None else read_conditions(self.conditions)
+            if self.duration is not None:
+                overrides["duration"] = self.duration
+            return preset.matrix(chosen, grounds, seeds, overrides, conditions)
         return Matrix(
             chosen,
-            terrains,
+            grounds,
             read_teams(str(TEAM) if self.teams is None else self.teams),
             read_conditions(NONE if self.conditions is None else self.conditions),
             seeds,
@@ -132,6 +140,7 @@ class Comparison:
         "fogwatch benchmark --terrains yards,site --policies stochastic,sebs --conditions none,loss-90,deaths",
         "fogwatch benchmark --policies stochastic,stochastic:unpredictability=2,./mine.py:Mine --teams 2,4,8",
         "fogwatch benchmark --terrains plan.yaml --model differential --set robots.radius=0.3 --set robots.speed=1",
+        "fogwatch benchmark --preset conditions --policies stochastic --terrains yards --seeds 1",
         "fogwatch benchmark --preset m2bench --terrains cumberland.graph+cumberland.yaml",
     ],
     exit_codes=EXIT_CODES,
@@ -142,9 +151,12 @@ def benchmark(
     """Compare policies on terrains, in teams of several sizes, under faults, and write a page with figures.
 
     A cell is one policy on one terrain, in one team, under one condition; it is run once with each seed. Conditions are
-    none, loss-50 (each frame is lost with 50 %), silence (no robot hears another), deaths (two robots die at 300 and
-    1100 s, earlier in runs shorter than 1800 s), spoof (a stranger sends random positions in the name of r1) and
-    jitter-20 (speeds change every 5 s by up to 20 %). Cells whose team is too small for their condition are left out.
+    none, loss-50 (each frame is lost with 50 %), bursts (50 % are, 8 ticks at a time), delay-3 (frames are 3 s late),
+    range-30 (they reach 30 m), silence (no robot hears another), deaths (two robots die at 300 and 1100 s, earlier in
+    runs shorter than 1800 s), one-death (one dies at a third of the run), spoof (a stranger sends random positions in
+    the name of r1), jitter-20 (speeds change every 5 s by up to 20 %), slower-5 (r1 is 5 % slower), speeds (from half
+    to 1.25 times the speed), bodies (holonomic, differential, car in turn) and robots-26 (so many robots). Cells whose
+    team is too small for their condition are left out.
 
     The folder gets benchmark.md (tables and figures), runs.csv with the command that makes each run again, cells.csv
     with means and 95 % intervals, and figures/. Runs that have a result there are not repeated, so an interrupted
@@ -169,7 +181,8 @@ def benchmark(
     write_text(folder / "runs.csv", run_rows(outcome).csv())
     write_text(folder / "cells.csv", cell_rows(rows, matrix.seeds[0]).csv())
     drawn = rows if len(rows) <= MOST_ROWS else groups_of(rows)[0][1]
-    figures = [*plane_drawings(rows), *drawings(drawn, "benchmark", shown=MEASURES)]
+    shown = MEASURES if preset is None or preset.published else {**MEASURES, **preset.measures}
+    figures = [*plane_drawings(rows), *drawings(drawn, "benchmark", shown=shown)]
     write_page(folder / "benchmark.md", parts, figures)
     return finish(console, outcome, f"{folder}: benchmark.md has all results; also cells.csv, runs.csv, figures")
 

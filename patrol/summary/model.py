@@ -368,7 +368,7 @@ class Summary(_Part):
             sweep="once",
         ),
     ] = None
-    best_tour_m: Annotated[float | None, Metric("length of that tour")] = None
+    best_tour_m: Annotated[float | None, Metric("length of that tour", "m", sweep="once")] = None
     mfow_weighted_mean_s: Annotated[
         float | None,
         Metric(

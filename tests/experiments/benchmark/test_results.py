@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from experiments.benchmark.conditions import condition_of
-from experiments.benchmark.matrix import Matrix, read_policies, read_terrains
+from experiments.benchmark.matrix import Matrix, read_conditions, read_policies, read_terrains
 from experiments.benchmark.plane import plane_drawings
 from experiments.benchmark.presets import preset_named, presets
 from experiments.benchmark.results import (
     INTRUDED,
     LATE,
     MEASURES,
+    OVER_CAPACITY,
     OVER_TOUR,
     SEEN,
     cell_rows,
@@ -30,6 +31,7 @@ from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
 from tests.experiments.sweeps.test_sweep_runs import Here
+from tests.present import present
 
 TINY = Matrix(
     policies=read_policies("committed,sebs:g2=50"),
@@ -154,7 +156,7 @@ def test_published_numbers_stand_beside_ours(rows: list[CaseRow]) -> None:
     by_system = {row[0]: row for row in table.rows}
     assert by_system["SEBS"][2:5] == ["sebs", "199.4", "-"], "sebs:g2=50 is another policy"
     assert ["-", "silence", "sebs:g2=50"] in [row[:3] for row in table.rows]
-    for preset in presets().values():
+    for preset in (preset for preset in presets().values() if preset.published):
         assert {line[2] for line in preset.published} == set(preset.conditions)
         assert {len(line) for line in preset.published} == {3 + len(preset.measures)}
         policies = {policy.name for policy in read_policies("ahpa,cbls,cr,dtag,dtap,er,gbs,hcr,hpcc,random,sebs")}
@@ -162,3 +164,41 @@ def test_published_numbers_stand_beside_ours(rows: list[CaseRow]) -> None:
     shown = "\n".join(page_parts(TINY, rows, preset_named("m2bench")))
     assert "## Beside M2Bench's stored results" in shown
     assert "(`terrain.patrolled: vertices`)" in shown
+
+
+def test_the_preset_of_conditions_has_a_table_for_each_ground(tmp_path: Path) -> None:
+    preset = preset_named("conditions")
+    conditions = read_conditions("none,speeds,one-death")
+    tiny = {"duration": 100.0, "point": 2.0}
+    matrix = preset.matrix(read_policies("committed"), read_terrains("open"), (1,), tiny, conditions)
+    outcome = with_ratios(run_sweep(matrix.plan(), tmp_path, workers=Here()))
+    assert not outcome.failed
+    for run in outcome.plan.runs:
+        metrics = outcome.results[run.key].metrics
+        late, length_m = present(metrics[LATE]), present(metrics["best_tour_m"])
+        speed = sum((0.5, 0.75, 1.0, 1.25)) * 4.4 if "speeds" in run.case else 4 * 4.4
+        assert metrics[OVER_CAPACITY] == pytest.approx(late * speed / length_m)
+    parts = list(page_parts(matrix, case_rows(outcome), preset))
+    assert parts[-3] == "## Conditions of real fleets: open"
+    assert parts[-2].startswith("point = 1. Capacity: the length of the best tour found")
+    head, _, *lines = parts[-1].splitlines()
+    assert head == "| condition | policy | MFoW / capacity | bumps |", "100 s are too short for intruders"
+    assert [line.split(" | ")[:2] for line in lines] == [[f"| {name}", "`committed`"] for name in conditions]
+
+
+def test_the_preset_of_conditions_can_be_planned_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    office = Path("examples/maps/office.yaml").absolute()
+    monkeypatch.chdir(tmp_path)
+    preset = preset_named("conditions")
+    terrains = f"{present(preset.terrains)},{office}"
+    matrix = preset.matrix(read_policies("cr"), read_terrains(terrains), (1,), {})
+    plan = matrix.plan()
+    assert len(plan.cases) == 16 * 3
+    assert {run.scenario.duration for run in plan.runs} == {1200.0}
+    by_point = {1.0: (4.4, 1.0), 0.2: (1.0, 0.3)}
+    for run in plan.runs:
+        last = run.scenario.roster[1]
+        assert last.radius == by_point[run.scenario.point][1]
+        if "speeds" not in run.case:
+            assert last.speed == by_point[run.scenario.point][0]
+    assert {run.scenario.terrain.map is None for run in plan.runs} == {True, False}

@@ -13,6 +13,7 @@ import pytest
 from typer.main import get_command
 
 from experiments.benchmark.matrix import read_policies
+from experiments.benchmark.presets import preset_named
 from experiments.commands.benchmark import Comparison
 from fogwatch.cli.app import app
 from patrol.scenario import BUILTINS, load_scenario
@@ -85,6 +86,17 @@ def test_what_is_not_given_is_as_its_help_says(
     assert [terrain.name for terrain in matrix.terrains] == list(BUILTINS)
 
 
+def test_a_preset_without_published_numbers_may_be_restricted() -> None:
+    preset = preset_named("conditions")
+    matrix = Comparison(preset="conditions", conditions="none,bursts", duration=90.0, seeds=1).matrix(preset)
+    assert [policy.name for policy in matrix.policies] == ["stochastic", "committed", "potential-field"]
+    assert [terrain.name for terrain in matrix.terrains] == ["yards", "site"]
+    assert (matrix.conditions, matrix.duration_s, matrix.seeds) == (("none", "bursts"), 90.0, (1,))
+    matrix = Comparison(preset="conditions", policies="cr", terrains="clutter").matrix(preset)
+    assert ([policy.name for policy in matrix.policies], matrix.terrains[0].name) == (["cr"], "clutter")
+    assert (matrix.teams, matrix.duration_s, len(matrix.conditions)) == ((4,), 1200.0, 16)
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -103,6 +115,10 @@ def test_what_is_not_given_is_as_its_help_says(
         (("--preset", "magic"), "--preset magic: no such preset; did you mean magec"),
         (("--preset", "magec"), "--preset: needs --terrains cumberland.graph+cumberland.yaml; get the files from"),
         (("--preset", "magec", "--teams", "3"), "--teams: --preset magec says what is run; leave it out"),
+        (("--preset", "magec", "--conditions", "none"), "--conditions: --preset magec says what is run; leave it out"),
+        (("--preset", "conditions", "--teams", "3"), "--teams: --preset conditions says what is run; leave it out"),
+        (("--preset", "conditions", "--conditions", "speed"), "speed: no such condition; did you mean speeds"),
+        (("--preset", "conditions", "--terrains", "gone.yaml"), "gone.yaml: no such file"),
         (("--preset", "magec", "--point", "1"), "--point: --preset magec says what is run; leave it out"),
         (("--workers", "0"), "workers = 0"),
         (("--workers", "1", "--cluster", "tcp://127.0.0.1:9"), "--workers and --cluster"),
