@@ -44,7 +44,7 @@ MEASURES: Mapping[str, str] = {
     "collisions": "collisions",
     "nodes_interference": "interference",
     INTRUDED: f"attacks of {ATTACK_S:g} s that succeed, best intruder (%)",
-    **{moving_metric(name): f"moving intruder, {name} (%)" for name in ("blind", "similar", "each", "future")},
+    **{moving_metric(name): f"moving intruder, {name} (%)" for name in ("blind", "watching", "future")},
     GAINED: "gain of watching (points)",
 }
 """The measures that figures show, and their titles; the files have all. A preset without published numbers adds its

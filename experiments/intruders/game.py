@@ -11,8 +11,8 @@ It plans *once*, or *again* every second from what is then seen. The latter chan
 (`BETTER`), because of many forecasts the best looks better than it is. It may still enter later; once its stay has
 begun, it stays.
 
-The *gain of watching* is the success of the better of the two predictors that watch, less that of the blind intruder.
-All predictors play the same attempts, so that the gain has an interval from pairs.
+The *gain of watching* is the success of the predictor that watches, less that of the blind intruder. All predictors
+play the same attempts, so that the gain has an interval from pairs.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from experiments.intruders.infiltrator import WATCHING, Infiltrator
 from experiments.intruders.planner import DONE, OUTSIDE, Planner, Way, sightings
 from experiments.intruders.predictors import Past, Predictor, predictors_of
 from experiments.intruders.watch import Watch
+from experiments.intruders.watcher import WatchingPredictor
 from patrol.errors import BadInput
 from patrol.random import Purpose, draw
 
@@ -56,12 +57,10 @@ class Percent:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """The gains of watching, in percentage points over the blind intruder."""
+    """The gains of knowledge, in percentage points over the blind intruder."""
 
-    watching: Percent  # of the better of the predictors that watch
-    similar: Percent
-    each: Percent
-    code: Percent | None = None  # of the predictor that does not only watch; None where it did not play
+    watching: Percent
+    code: Percent | None = None  # None where it did not play
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +74,9 @@ class Infiltration:
     depth_m: float  # least length of the way from an entry to a target
     targets: int  # how many points were targets
     once: dict[str, Percent]  # success by predictor where the intruder plans once
-    gain: Gains  # of watching, where the intruder plans once
-    again: dict[str, Percent]  # success of those that watch, where it plans again every second; empty where not asked
-    again_gain: Gains | None  # of watching, likewise; None where not asked
+    gain: Gains  # where the intruder plans once
+    again: dict[str, Percent]  # success of watching, where it plans again every second; empty where not asked
+    again_gain: Gains | None  # likewise; None where not asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +115,12 @@ class Game:
             )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
         self.within = watch.ticks_of(infiltrator.within_s)  # ticks of an attempt
-        self.past = Past(watch, self.within)
-        self.predictors = predictors_of(self.past)  # by name; more can be added
+        self.past = Past(watch)
+        # by name; more can be added
+        self.predictors: dict[str, Predictor] = {
+            **predictors_of(self.past),
+            WATCHING: WatchingPredictor(self.past, self.within),
+        }
         begin, end = watch.ticks // 2, watch.ticks - self.within
         self.trials = []  # tick and target of each attempt
         for number in range(infiltrator.attempts):
@@ -179,10 +182,10 @@ def infiltration(
 ) -> Infiltration:
     """Play all attempts with all predictors.
 
-    With `again`, those that watch also plan again every second, which takes minutes.
+    With `again`, the one that watches also plans again every second, which takes minutes.
     """
     plans = [(name, game.once) for name in game.predictors]
-    plans += [(name, game.again) for name in WATCHING] if again else []
+    plans += [(WATCHING, game.again)] if again else []
     # A plan that is made again every second takes some forty times as long.
     work = [40.0 if play == game.again else 1.0 for _, play in plans]
     progress, total = 0.0, sum(work) * len(game.trials)
@@ -194,9 +197,8 @@ def infiltration(
             progress += weight
             advance(progress / total)
         won.append(np.array(outcomes))
-    count = len(game.predictors)
-    once = dict(zip(game.predictors, won[:count], strict=True))
-    later = dict(zip(WATCHING, won[count:], strict=True)) if again else {}
+    once = dict(zip(game.predictors, won, strict=not again))
+    later = {WATCHING: won[-1]} if again else {}
     return Infiltration(
         len(game.trials),
         game.watch.size,
@@ -234,5 +236,4 @@ def gain_of(won: Flags, without: Flags) -> Percent:
 
 
 def _compute_gains(won: dict[str, Flags], without: Flags) -> Gains:
-    gains = {name: gain_of(won[name], without) for name in (*WATCHING, CODE) if name in won}
-    return Gains(max((gains[name] for name in WATCHING), key=lambda gain: gain.percent), **gains)
+    return Gains(**{name: gain_of(won[name], without) for name in (WATCHING, CODE) if name in won})

@@ -25,15 +25,14 @@ PAST_S = 80.0
 KNOWLEDGE = {
     "future": "knows what will be seen: it has the seed or key",
     "code": "has the scenario and the code, but neither seed nor key",
-    "similar": "watches: expects what followed similar moments",
-    "each": "watches: expects each robot's usual next turns",
+    "watching": "watches: knows robots' usual turns and how old points get",
     "picture": "knows what is seen now",
     "blind": "knows nothing, and takes the shortest way",
 }
 """The knowledge of an intruder with each predictor, in words; `code` plays only where it was asked for."""
 
-WATCHING = ("similar", "each")
-"""The predictors that only watch: nothing else is needed to play them against a real patrol."""
+WATCHING = "watching"
+"""The predictor that only watches: nothing else is needed to play it against a real patrol."""
 
 LIMITS = {
     "speed": (0.1, 10.0),

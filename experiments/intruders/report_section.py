@@ -32,7 +32,7 @@ class MovingIntruder:
     """The game on a run, played."""
 
     outcome: Infiltration
-    examples: Sequence[Attempt]  # the first that succeeded and the first that did not, of the predictor that does best
+    examples: Sequence[Attempt]  # the first that succeeded and the first that did not, of the predictor that watches
     ground: IntruderGround
 
     def table(self) -> str:
@@ -40,7 +40,7 @@ class MovingIntruder:
         outcome = self.outcome
         rows = [(words, *_share_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
         gain = _share_cells(outcome.gain.watching)
-        rows.append(("gain of watching: the better of the two that watch, less the last", *gain))
+        rows.append(("gain of watching: the one that watches, less the last", *gain))
         heads = ("an intruder that", "gets in (%)", "95 % interval")
         note = (
             f"{outcome.attempts} attempts in the second half of the run, planned once: at {outcome.speed:.3g} m/s from "
@@ -80,10 +80,9 @@ def play_on(run: Run, infiltrator: Infiltrator = REPORTED) -> MovingIntruder:
     """Play the game on a run; raise BadInput where it cannot be played."""
     game = moving_game(run, infiltrator)
     outcome = infiltration(game)
-    better = max(WATCHING, key=lambda name: outcome.once[name].percent)
     examples: dict[bool, Attempt] = {}
     for now, target in game.trials:
-        attempt = game.once(game.predictors[better], now, target)
+        attempt = game.once(game.predictors[WATCHING], now, target)
         # Without a way in time there is nothing to draw.
         if attempt.way.size:
             examples.setdefault(attempt.succeeded, attempt)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.intruders.game import CODE, Game
-from experiments.intruders.predictors import SIMILAR, code_predictor
+from experiments.intruders.predictors import code_predictor
 from experiments.intruders.sightings import Sightings
 from experiments.sweeps.run_metrics import GameLog
 from fogwatch.inprocess import check_in_process, fleet_of
@@ -33,8 +33,8 @@ from runtime.starting.forking import fork_process
 from worldsim.fleet.loop import run_ticks
 from worldsim.world import World
 
-FUTURES = SIMILAR
-"""Futures of each attempt: as many as there are similar moments, so that the two predictors can be compared."""
+FUTURES = 5
+"""Futures of each attempt, each of which takes as long as the attempt does in a run."""
 
 Futures = dict[int, NDArray[np.uint64]]
 """By the tick that was seen last: uint64 (futures, ticks, words), as of `experiments.intruders.watch.Watch`."""

@@ -79,7 +79,7 @@ GAINED = "intruder_moving_gain_points"
 
 
 def moving_metric(predictor: str) -> str:
-    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``."""
+    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_blind_percent``."""
     return f"intruder_moving_{predictor}_percent"
 
 

@@ -102,7 +102,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
         figures.append(Drawing("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
     if moving is not None:
         caption = (
-            "An attempt that succeeds and one that does not, of the better predictor that watches. Dashed: the "
+            "An attempt that succeeds and one that does not, of the intruder that watches. Dashed: the "
             "intruder's way to its target (star). Lines: robots meanwhile, up to the dots. Red: where it was seen."
         )
         figures.append(Drawing("moving", "A moving intruder", caption, lambda: moving.chart(run)))

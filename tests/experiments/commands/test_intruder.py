@@ -80,12 +80,12 @@ def test_the_moving_intruder_gets_a_table_of_its_own(watched: Path, run: Command
     assert "targets at least 15 m inside, points of 2 m" in shown
     where = ("--again", "--entries", "0,0 99,0 99,9", "--zone", "vault", "--json")
     moving = json.loads(output(run("intruder", watched, *MOVING, *where)))["moving"]
-    assert set(moving["once"]) == {"future", "similar", "each", "picture", "blind"}
-    assert set(moving["again"]) == {"similar", "each"}
+    assert set(moving["once"]) == {"future", "watching", "picture", "blind"}
+    assert set(moving["again"]) == {"watching"}
     shares = [*moving["once"].values(), *moving["again"].values()]
     assert all(0.0 <= share["low"] <= share["percent"] <= share["high"] <= 100.0 for share in shares)
-    better = max(moving["once"][name]["percent"] for name in ("similar", "each"))
-    assert moving["gain"]["watching"]["percent"] == pytest.approx(better - moving["once"]["blind"]["percent"])
+    watching, blind = (moving["once"][name]["percent"] for name in ("watching", "blind"))
+    assert moving["gain"]["watching"]["percent"] == pytest.approx(watching - blind)
     settings: dict[str, Any] = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 20, "zone": "vault"}
     played = fogwatch.load(watched).infiltration(**settings, entries=[(0, 0), (99, 0), (99, 9)])
     assert asdict(played)["once"] == moving["once"]

@@ -33,3 +33,11 @@ def ring(seconds: float, robots: int = 1) -> np.ndarray:
     along = (np.arange(round(2.0 * seconds))[:, None] + np.arange(robots) * 112.0 / robots) % 112.0
     place = np.clip(np.stack([along - 28.0 * n for n in range(4)]), 0.0, 28.0)
     return 6.0 + np.stack([place[0] - place[2], place[1] - place[3]], axis=2)
+
+
+def wander() -> np.ndarray:
+    """Two robots that wander for 450 s over a square of 12 m, one of which is not there at first."""
+    dice = np.random.default_rng(7)
+    places = (np.cumsum(dice.integers(-1, 2, (900, 2, 2)), axis=0) % 12).astype(np.float64)
+    places[:260, 1] = np.nan
+    return places
