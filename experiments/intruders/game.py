@@ -116,11 +116,8 @@ class Game:
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
         self.within = watch.ticks_of(infiltrator.within_s)  # ticks of an attempt
         self.past = Past(watch)
-        # by name; more can be added
-        self.predictors: dict[str, Predictor] = {
-            **predictors_of(self.past),
-            WATCHING: WatchingPredictor(self.past, self.within),
-        }
+        self.predictors = predictors_of(self.past)  # by name; more can be added
+        self.predictors[WATCHING] = WatchingPredictor(self.past, self.within)
         begin, end = watch.ticks // 2, watch.ticks - self.within
         self.trials = []  # tick and target of each attempt
         for number in range(infiltrator.attempts):

@@ -16,7 +16,6 @@ intruder that plans again every second wanders between them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,25 +61,14 @@ class Past:
         return np.asarray(total * np.float32(1.0 / (len(futures) + 1)))
 
 
-def _predict_future(past: Past, now: int, ahead: int) -> Chances:
-    return past.watch.seen(now + 1, now + 1 + ahead).astype(np.float32)
-
-
-def _predict_picture(past: Past, now: int, ahead: int) -> Chances:
-    return np.repeat(past.watch.seen(now, now + 1).astype(np.float32), ahead, axis=0)
-
-
-def _predict_blind(past: Past, now: int, ahead: int) -> Chances:
-    del now
-    return np.zeros((ahead, past.watch.size), dtype=np.float32)
-
-
-_PREDICTORS = {"future": _predict_future, "picture": _predict_picture, "blind": _predict_blind}
-
-
 def predictors_of(past: Past) -> dict[str, Predictor]:
     """Return the predictors of a run that need nothing else, by the names of results."""
-    return {name: partial(predict, past) for name, predict in _PREDICTORS.items()}
+    watch = past.watch
+    return {
+        "future": lambda now, ahead: watch.seen(now + 1, now + 1 + ahead).astype(np.float32),
+        "picture": lambda now, ahead: np.repeat(watch.seen(now, now + 1).astype(np.float32), ahead, axis=0),
+        "blind": lambda _now, ahead: np.zeros((ahead, watch.size), dtype=np.float32),
+    }
 
 
 def code_predictor(past: Past, futures: Mapping[int, NDArray[np.uint64]]) -> Predictor:
