@@ -65,6 +65,10 @@ class Condition:
             changed["faults"] = [dict(fault) for fault in self.faults]
         if not (self.speeds or self.models):
             return changed
+        for name in ("robots.starts", "robots.spare"):
+            if name in settings:
+                listed = "speeds, slower-P and bodies list the robots one by one"
+                raise BadInput(f"--set {name}: {listed}; leave out these conditions, or this setting")
         count = int(str(changed.pop("robots.count")))
         entries: list[dict[str, object]] = [{} for _ in range(count)]
         if self.models:

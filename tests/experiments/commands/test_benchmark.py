@@ -120,6 +120,13 @@ def test_a_preset_without_published_numbers_may_be_restricted() -> None:
         (("--preset", "conditions", "--conditions", "speed"), "speed: no such condition; did you mean speeds"),
         (("--preset", "conditions", "--terrains", "gone.yaml"), "gone.yaml: no such file"),
         (("--preset", "magec", "--point", "1"), "--point: --preset magec says what is run; leave it out"),
+        (
+            ("--conditions", "none,speeds", "--set", "robots.starts=[[5,5]]"),
+            "--set robots.starts: speeds, slower-P and bodies list the robots one by one; leave out these",
+        ),
+        (("--conditions", "slower-5", "--set", "robots.spare=1"), "--set robots.spare: speeds, slower-P and bodies"),
+        (("--preset", "conditions", "--set", "robots.spare=1"), "--set robots.spare: speeds, slower-P and bodies"),
+        (("--conditions", "bodies+loss-5", "--set", "robots.starts=[]"), "--set robots.starts: speeds, slower-P and"),
         (("--workers", "0"), "workers = 0"),
         (("--workers", "1", "--cluster", "tcp://127.0.0.1:9"), "--workers and --cluster"),
     ],
