@@ -28,7 +28,6 @@ from experiments.intruders.infiltrator import WATCHING, Infiltrator
 from experiments.intruders.planner import DONE, OUTSIDE, Planner, Way, sightings
 from experiments.intruders.predictors import Past, Predictor, predictors_of
 from experiments.intruders.watch import Watch
-from experiments.intruders.watcher import WatchingPredictor
 from patrol.errors import BadInput
 from patrol.random import Purpose, draw
 
@@ -115,9 +114,8 @@ class Game:
             )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
         self.within = watch.ticks_of(infiltrator.within_s)  # ticks of an attempt
-        self.past = Past(watch)
+        self.past = Past(watch, self.within)
         self.predictors = predictors_of(self.past)  # by name; more can be added
-        self.predictors[WATCHING] = WatchingPredictor(self.past, self.within)
         begin, end = watch.ticks // 2, watch.ticks - self.within
         self.trials = []  # tick and target of each attempt
         for number in range(infiltrator.attempts):

@@ -23,7 +23,7 @@ from agent.policies import (
     shared_round,
     stochastic,
 )
-from experiments.intruders import game, watcher
+from experiments.intruders import game, predictors
 from experiments.intruders.infiltrator import Infiltrator
 from fogwatch.planning import plan
 from monitor.page import saved
@@ -137,10 +137,10 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("rivals", "stay there for # s", (INTRUDER.stay_s,)),
     ("rivals", "that end within # s", (INTRUDER.within_s,)),
     ("rivals", "its stay is over. # such attempts", (INTRUDER.attempts,)),
-    ("rivals", "for # s, of each robot", (watcher.FOLLOWED_S,)),
-    ("rivals", "after the # moments at which one was nearest", (watcher.ANALOGS,)),
-    ("rivals", "nearest to its place, now and # s before", (watcher.LAG_S,)),
-    ("rivals", "told apart by # s up to # s", (watcher.AGE_BIN_S, watcher.AGE_BIN_S * watcher.AGE_BINS)),
+    ("rivals", "for # s, of each robot", (predictors.FOLLOWED_S,)),
+    ("rivals", "after the # moments at which one was nearest", (predictors.ANALOGS,)),
+    ("rivals", "nearest to its place, now and # s before", (predictors.LAG_S,)),
+    ("rivals", "told apart by # s up to # s", (predictors.AGE_BIN_S, predictors.AGE_BIN_S * predictors.AGE_BINS)),
     ("rivals", "it expects # of the sightings", (game.BETTER,)),
 ]
 """A page, its words with # for each number, and the numbers in the code."""
