@@ -25,8 +25,10 @@ from experiments.benchmark.results import (
     run_rows,
     with_ratios,
 )
+from experiments.intruders.infiltrator import WATCHING
 from experiments.sweeps.cases import CaseRow, case_rows
 from experiments.sweeps.figures import drawings
+from experiments.sweeps.run_metrics import GAINED, moving_metric
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
@@ -168,6 +170,7 @@ def test_published_numbers_stand_beside_ours(rows: list[CaseRow]) -> None:
 
 def test_the_preset_of_conditions_has_a_table_for_each_ground(tmp_path: Path) -> None:
     preset = preset_named("conditions")
+    assert {OVER_CAPACITY, moving_metric(WATCHING), GAINED} < set(preset.measures)
     conditions = read_conditions("none,speeds,one-death")
     tiny = {"duration": 100.0, "point": 2.0}
     matrix = preset.matrix(read_policies("committed"), read_terrains("open"), (1,), tiny, conditions)
