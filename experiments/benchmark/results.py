@@ -110,9 +110,10 @@ succeed because it watches."""
         yield policy_table(group).markdown()
     if preset is not None and not preset.published:
         for terrain in matrix.terrains:
-            own = ", ".join(f"{name} = {value}" for name, value in preset.ground_settings(terrain).items())
+            own = preset.ground_settings(terrain).items()
+            texts = [f"{name} = {value}" for name, value in own if name not in matrix.settings]  # which hold over them
             yield f"## {preset.title}: {terrain.name}"
-            yield f"{own}. Capacity: the length of the best tour found by the sum of all robots' speeds."
+            yield "; ".join([*texts, "capacity: the length of the best tour found by the sum of all robots' speeds"])
             yield ground_table([row for row in rows if places_of(row)["terrain"] == terrain.name], preset).markdown()
     elif preset is not None:
         yield f"## Beside {preset.title}"

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -183,7 +184,9 @@ def test_the_preset_of_conditions_has_a_table_for_each_ground(tmp_path: Path) ->
         assert metrics[OVER_CAPACITY] == pytest.approx(late * speed / length_m)
     parts = list(page_parts(matrix, case_rows(outcome), preset))
     assert parts[-3] == "## Conditions of real fleets: open"
-    assert parts[-2].startswith("point = 1. Capacity: the length of the best tour found")
+    assert parts[-2].startswith("capacity: the length of the best tour found"), "points of 2 m, not the preset's"
+    as_it_is = list(page_parts(replace(matrix, settings={}), case_rows(outcome), preset))
+    assert as_it_is[-2].startswith("point = 1; capacity: the length of the best tour found")
     head, _, *lines = parts[-1].splitlines()
     assert head == "| condition | policy | MFoW / capacity | bumps |", "100 s are too short for intruders"
     assert [line.split(" | ")[:2] for line in lines] == [[f"| {name}", "`committed`"] for name in conditions]
