@@ -119,7 +119,7 @@ class FreeChoice:
             best = self.best(view, start, rivals, pursuit.given_up)
             if best is None:
                 return None
-            target = Target(best.point, best.stand, age_of(view, best.point))
+            target = Target(best.point, best.stand, age_of(view, best.point), free=True)
             way = pursuit.go_to(view, start, target, best.length + 200)
             if way is not None:
                 return way

@@ -8,7 +8,7 @@ it shares none (`agent.policies.choice`). Now and then a robot that chooses free
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from agent.policies.choice import FreeChoice
 from agent.policies.pursuit import Pursuit, age_of
@@ -54,6 +54,7 @@ class Commitment:
     """Chooses freely and keeps to the target; the base of policies that choose on a round."""
 
     Options: type[CommitmentOptions] = CommitmentOptions
+    follows_rounds: ClassVar[bool] = False  # so a free choice is nothing to report
 
     def __init__(self, setup: PolicySetup) -> None:
         self._setup = setup
@@ -82,11 +83,11 @@ class Commitment:
             self.choice.forget()
         self._separation.keep_apart(view)
         self._update_round(view, goes_on)
-        makes_random_steps = self.choice.note(view, pursuit)
-        start, wander = view.start, self._random_steps.draw(view) if makes_random_steps else None
+        chooses_freely = self.choice.note(view, pursuit)
+        start, wander = view.start, self._random_steps.draw(view) if chooses_freely else None
         if start is None:
             # The body has to find its way back to the reachable ground first.
-            return Bearing((), wander=wander)
+            return Bearing((), wander=wander, state=self._state_of(chooses_freely))
         if self.choice.waits(view):
             pursuit.rest(view.tick)
             return Stay(state=State.PATROLLING, figures={"way_m": 0.0, "age_s": 0.0})
@@ -97,13 +98,22 @@ class Commitment:
         target = pursuit.target
         if way is None or target is None:
             return Stay()
+        # While no way leads on along the round, or to the station, single targets are free.
+        state = self._state_of(chooses_freely or target.free)
         figures = {"way_m": way.length, "age_s": age_of(view, target.point) * self._step}
         if way.length == 0.0 and not self._sees_all_round:
             # It stands where it should, so it only has to turn.
             across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
-                return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
-        return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
+                return Bearing((math.atan2(up, across),), wander=wander, state=state, figures=figures)
+        exact = target.age > 0
+        return Place(
+            *way.place, bend=way.bend, wander=wander, exact=exact, gives_room=True, state=state, figures=figures
+        )
+
+    def _state_of(self, is_free: bool) -> State:
+        """Return the state to report for a robot that goes by a free choice, or by the shared round."""
+        return State.FREE if is_free and self.follows_rounds else State.PATROLLING
 
     def _update_round(self, view: View, goes_on: bool) -> None:
         """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""

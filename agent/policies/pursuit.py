@@ -108,6 +108,7 @@ class Target:
     point: Point
     stand: Point  # the point to go to: the same, or its post where no body fits
     age: int  # of the point when it was chosen, ticks
+    free: bool = False  # chosen freely, not on a round or from a plan
 
 
 class Pursuit:

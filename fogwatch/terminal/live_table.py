@@ -28,7 +28,7 @@ LONGEST_S = 1e9
 """The longest time to go that is shown, s; a run that takes 30 years at this rate shows none."""
 MOST_ROBOTS = 20
 """Robots in the live table."""
-_STYLES = {"patrolling": "green", "dead-end": "yellow", "holding": "cyan"}
+_STYLES = {"patrolling": "green", "free": "blue", "dead-end": "yellow", "holding": "cyan"}
 STATUS_STYLES = {
     Status.ABSENT: "dim",
     Status.ALIVE: "",

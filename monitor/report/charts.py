@@ -12,7 +12,7 @@ from monitor.figures.style import ACCENT, ALERT, GRID, INK, MUTED, WIDTH, colour
 from monitor.observation.fault_bands import INTRUDER, Band, lanes
 from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
-from patrol.journal.records import CHARGING, DEAD_END, DOCKING, Status
+from patrol.journal.records import CHARGING, DEAD_END, DOCKING, FREE, Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +35,7 @@ MOST_BINS = 60
 
 STATES: tuple[tuple[str, str], ...] = (
     ("patrolling", "#8fbcd9"),
+    ("free", "#3c7d5f"),
     ("dead end", "#e69f00"),
     ("surrounding", "#009e73"),
     ("holding", "#f0e442"),
@@ -48,8 +49,8 @@ STATES: tuple[tuple[str, str], ...] = (
 )
 """The states of a robot in the chart, with their colours."""
 
-_PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _DOCKING, _CHARGING = range(6)
-_OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(6, len(STATES))
+_PATROLLING, _FREE, _DEAD_END, _SURROUNDING, _HOLDING, _DOCKING, _CHARGING = range(7)
+_OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(7, len(STATES))
 
 
 def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> Figure:
@@ -139,7 +140,7 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
     """uint8 (ticks, n), index in `STATES` of each robot's state."""
     status, labels = run.status, run.labels
     kinds = {"": _SILENT, DEAD_END: _DEAD_END, DOCKING: _DOCKING, CHARGING: _CHARGING}
-    kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
+    kinds |= {"patrolling": _PATROLLING, FREE: _FREE, "surrounding": _SURROUNDING, "holding": _HOLDING}
     doing = np.array([kinds.get(label, _OTHER) for label in labels], dtype=np.uint8)[run.states]
     doing[status == Status.PAUSED] = _PAUSED
     doing[(status == Status.DEAD) | (status == Status.LOST)] = _GONE

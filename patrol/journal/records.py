@@ -40,6 +40,11 @@ _SHORTEST_S = 1e-6
 FORGED = 0
 """The source of forged frames in a journal, whatever sender they name."""
 
+PATROLLING, FREE = "patrolling", "free"
+"""The states of a mind that patrols, and of one that does so by choices of its own where its policy has a common plan.
+
+A policy without a common plan patrols, and is never free."""
+
 DEAD_END = "dead-end"
 """The state of a mind that is getting out of a dead end."""
 

@@ -126,7 +126,10 @@ def test_delivered_shares_are_those_of_intervals_and_drawn_in_their_middles() ->
 @pytest.mark.parametrize(
     ("status", "state", "shown"),
     [
-        *((Status.ALIVE, state, state) for state in ("patrolling", "surrounding", "holding", "docking", "charging")),
+        *(
+            (Status.ALIVE, state, state)
+            for state in ("patrolling", "free", "surrounding", "holding", "docking", "charging")
+        ),
         (Status.ALIVE, "dead-end", "dead end"),
         (Status.ALIVE, "dancing", "other"),
         (Status.ALIVE, "", "no decision"),
