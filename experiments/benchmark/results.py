@@ -20,6 +20,7 @@ from monitor.tables.table import Table
 from patrol.scenario import Scenario
 
 LATE, TOUR, TOUR_M, SEEN = "mfow_late_mean_s", "best_tour_s", "best_tour_m", "seen_share"
+PLANNED = "planned_percent"
 OVER_TOUR = "mfow_late_over_tour"
 """Name of the metric that is the late MFoW as a ratio to that on the best tour found."""
 
@@ -124,19 +125,15 @@ succeed because it watches."""
 def policy_table(rows: Sequence[CaseRow]) -> Table:
     """Return the table of the policies of a team under a condition.
 
-    Its columns are late MFoW by terrain, fog, collisions and intruders. The first row is the best tour found, where
-    there is one. `rows` are the cases of that team and condition.
+    Its columns are late MFoW by terrain, fog, collisions, intruders and time under a plan. The first row is the best
+    tour found, where there is one. `rows` are the cases of that team and condition.
     """
     by_place = {(places_of(row)["policy"], places_of(row)["terrain"]): row for row in rows}
     policies, terrains = (list(dict.fromkeys(names)) for names in zip(*by_place, strict=True))
-    beside = {
-        "mean fog (s)": "fog_mean_s",
-        "collisions": "collisions",
-        f"attacks of {ATTACK_S:g} s (%)": INTRUDED,
-        "gain of watching (points)": GAINED,
-    }
-    if not any(GAINED in row.metrics for row in rows):  # none in runs that are too short
-        beside.popitem()
+    beside = {"mean fog (s)": "fog_mean_s", "collisions": "collisions", f"attacks of {ATTACK_S:g} s (%)": INTRUDED}
+    # Only some policies have a plan for the whole fleet, and runs that are too short have no gain.
+    later = {"planned (%)": PLANNED, "gain of watching (points)": GAINED}
+    beside |= {title: metric for title, metric in later.items() if any(metric in row.metrics for row in rows)}
     order = ", same order" if len(terrains) > 1 else ""
     heads = ["policy", *terrains, *(f"{title}{order}" for title in beside)]
     tours = {places_of(row)["terrain"]: _whole(row, TOUR) for row in rows if TOUR in row.metrics}

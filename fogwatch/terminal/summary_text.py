@@ -88,7 +88,10 @@ def measures(summary: Summary) -> list[str]:
     coverage = f"coverage    {text.pop('seen_share')} of {ground_text(summary)} to patrol"
     if summary.left_out is not None:
         coverage += f"; left out: {summary.left_out.text}"
-    lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
+    if summary.planned_share is None:
+        del text["planned_share"]
+    others = [(metric, text[key]) for key, metric in metrics_of(Summary) if key in text]
+    lines += [f"{metric.title:<11} {value} {metric.note}".rstrip() for metric, value in others]
     lines.append(coverage)
     lines += _radio_lines(summary)
     if deadlines := summary.deadlines:
@@ -149,7 +152,8 @@ def _stalest_lines(summary: Summary) -> list[str]:
 
 
 def _robots_table(robots: Mapping[str, RobotFigures]) -> Table:
-    columns = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
+    # With this column it is wider than 80 characters, and a line above has the fleet's share.
+    columns = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title and key != "planned_share"]
     table = Table("robot", "status", box=None, padding=(0, 2, 0, 0), header_style="bold")
     for _, metric in columns:
         table.add_column(f"{metric.title} {metric.unit}".rstrip(), justify="right")

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 NO_TOUR = "no tour for this ground or sensor"
 """Note beside the best tour found where there is none."""
 
+NO_PLAN = "no plan that robots share"
+"""Note beside the share of the time that went by a plan, where there is none."""
+
 
 class MovingIntruder(Protocol):
     """The game of the moving intruder on a run, which the studies play (`experiments.intruders.report_section`)."""
@@ -122,6 +125,8 @@ def measures(run: Run) -> list[Measure]:
         "best_tour_s": NO_TOUR if figures.best_tour_s is None else _tour_note(run),
         "seen_share": f"of {ground_text(figures)}{'' if left_out is None else f'; left out: {left_out.text}'}",
     }
+    if figures.planned_share is None:
+        notes["planned_share"] = NO_PLAN
     of_run = {
         key: Measure(metric, getattr(figures, key), notes.get(key, metric.note))
         for key, metric in metrics_of(Summary)

@@ -185,6 +185,10 @@ class RobotFigures(_Part):
             column="dead_end_percent",
         ),
     ] = 0.0
+    planned_share: Annotated[
+        float | None,
+        Metric("the fleet's `planned_share` for this robot; null also where it never was on patrol", "%", "planned"),
+    ] = None
     collisions: Annotated[
         int,
         Metric(
@@ -350,6 +354,19 @@ class Summary(_Part):
             sweep="once",
         ),
     ] = 0.0
+    planned_share: Annotated[
+        float | None,
+        Metric(
+            "share of the time on patrol in which robots went by the [plan](algorithm.md#drawn-stations) of "
+            "`stochastic`, or the [round](algorithm.md#rounds) of `committed`; in the rest each chose freely, with the "
+            "state `free`. Null for other policies",
+            "%",
+            "planned",
+            "of the time on patrol; else robots chose freely",
+            sweep="once",
+            column="planned_percent",
+        ),
+    ] = None
     bound_s: Annotated[
         float,
         Metric(

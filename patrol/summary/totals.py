@@ -7,15 +7,16 @@ totals.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from patrol.journal.links import drops_of, links_of
-from patrol.journal.records import DEAD_END, FORGED, Status, standing_after
+from patrol.journal.records import DEAD_END, FORGED, FREE, PATROLLING, Status, standing_after
 from patrol.pose import command_of
+from patrol.scenario.policies import COMMITTED, STOCHASTIC
 from patrol.scenario.sections import VERTICES
 from patrol.summary.model import Messages, RobotFigures, Summary
 
@@ -60,6 +61,8 @@ class _Robot:
     collisions: int = 0
     refused: int = 0
     dead_ends: int = 0
+    planned: int = 0
+    free: int = 0
     living: int = 0
     frames: int = 0
     frame_bytes: int = 0
@@ -82,18 +85,21 @@ class _Robot:
         if row.decision_ms is not None:
             self.decision_ms.append(row.decision_ms)
             self.dead_ends += row.state == DEAD_END
+            self.planned += row.state == PATROLLING
+            self.free += row.state == FREE
         if row.rejected is not None:
             if row.rejected < self.rejected:  # a new process, which counts from zero
                 self.rejected_before += self.rejected
             self.rejected = row.rejected
 
-    def figures(self) -> RobotFigures:
-        """Return this robot's metrics."""
+    def figures(self, has_plan: bool) -> RobotFigures:
+        """Return this robot's metrics; `has_plan` is True if its policy has a plan or round for the whole fleet."""
         decisions = len(self.decision_ms)
         return RobotFigures(
             status=self.status.name.lower(),
             distance_m=self.distance_m,
             dead_end_share=self.dead_ends / decisions if decisions else 0.0,
+            planned_share=_planned_share([self]) if has_plan else None,
             collisions=self.collisions,
             decisions=decisions,
             missed=self.living - decisions,
@@ -155,6 +161,7 @@ class RunTotals:
         Events after the run's last tick may change a robot's status.
         """
         header, step, mfow = self._header, self._step, self._mfow
+        has_plan = header.scenario["patrol"]["policy"] in (COMMITTED, STOCHASTIC)
         ticks = len(mfow)
         for event in events:
             standing = standing_after(event.kind)
@@ -170,12 +177,13 @@ class RunTotals:
             fog_mean_s=float(np.mean(self._fog)) * step if ticks else None,
             fog_end_s=self._fog[-1] * step if ticks else None,
             seen_share=self._seen / self._patrolled,
+            planned_share=_planned_share(self._robots.values()) if has_plan else None,
             bound_s=header.bound_s,
             patrolled_area_m2=header.patrolled_area_m2,
             **self._count_vertices(),
             point_m=header.terrain.point,
             messages=self._sum_messages(),
-            robots={facts.name: self._robots[facts.number].figures() for facts in header.robots},
+            robots={facts.name: self._robots[facts.number].figures(has_plan) for facts in header.robots},
         )
 
     def _count_vertices(self) -> dict[str, Any]:
@@ -214,6 +222,13 @@ def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
     pairs, counts = np.unique(drops.source * kinds + drops.cause, return_counts=True)
     rows = zip(pairs.tolist(), counts.tolist(), strict=True)
     return [(pair // kinds, drops.causes[pair % kinds], count) for pair, count in rows]
+
+
+def _planned_share(robots: Collection[_Robot]) -> float | None:
+    """Return the share of the ticks on patrol that went by the common plan or round; None without such a tick."""
+    planned = sum(robot.planned for robot in robots)
+    patrolled = planned + sum(robot.free for robot in robots)
+    return planned / patrolled if patrolled else None
 
 
 def _percentile_of(values: list[float], percent: float) -> float | None:

@@ -1,9 +1,11 @@
 """The three named patrols: what a name sets, and how runs name theirs."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from fogwatch.inprocess import run_in_process
 from patrol.scenario import load_scenario
 from patrol.scenario.patrols import PATROLS, PREDICTABLE, describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN
@@ -47,3 +49,31 @@ def test_a_run_names_its_patrol_at_the_start_and_the_end(shell: Shell, tmp_path:
     assert f"patrol: tour, {PREDICTABLE}" in shown.err
     assert f"patrol      tour, {PREDICTABLE}" in shown.out
     assert f"patrol: tour, {PREDICTABLE}" in (tmp_path / "run" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("policy", "settings", "shares"),
+    [
+        ("committed", {}, {1.0}),
+        ("stochastic", {}, {1.0}),
+        ("committed", {"robots": [{"speed": 1.0}, {"speed": 2.0}]}, {0.0}),
+        ("stochastic", {"sensor": {"range": 10, "angle": 120}}, {0.0}),
+        ("potential-field", {}, {None}),
+    ],
+)
+def test_a_summary_says_how_much_of_the_time_was_planned(
+    policy: str, settings: dict[str, Any], shares: set[float | None]
+) -> None:
+    base = {**YARDS, "point": 1.0, "duration": 60, "robots": {"count": 2}, "patrol": {"policy": policy}}
+    outcome = run_in_process(load_scenario({**base, **settings}))
+    robots = outcome.summary.robots.values()
+    assert {outcome.summary.planned_share, *(robot.planned_share for robot in robots)} == shares
+    assert outcome.verdict.valid
+
+
+def test_time_without_a_plan_is_counted_where_many_positions_are_lost() -> None:
+    faults = [{"kind": "loss", "rate": 0.5, "at": 5}]
+    summary = run_in_process(
+        load_scenario({**YARDS, "point": 1.0, "duration": 60, "robots": {"count": 2}, "faults": faults})
+    ).summary
+    assert 0.0 < (summary.planned_share or 0.0) < 1.0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from patrol.journal import Status
 from patrol.journal.links import drops_of, links_of
-from patrol.journal.records import DEAD_END
+from patrol.journal.records import DEAD_END, FREE, PATROLLING
 from worldsim.checks.check import CheckResult, JournalReading
 from worldsim.checks.fates import fault_of, kind_of
 
@@ -46,7 +46,7 @@ class Figures(JournalReading):
         size = len(run.names) + 1
         self._ticks: list[tuple[float, float, int, int]] = []  # MFoW and mean fog in s, points seen, forged frames
         self._decision_ms: list[NDArray[np.float64]] = []  # by robot, NaN where it made none
-        self._sums = np.zeros((6, size - 1))  # of each robot's rows, as `_add_rows` lists them
+        self._sums = np.zeros((8, size - 1))  # of each robot's rows, as `_add_rows` lists them
         self._rejected = np.zeros((2, size - 1), dtype=np.int64)  # by each robot: in all, and by its present process
         self._frames, self._bytes = np.zeros((2, size), dtype=np.int64)
         self._sent, self._delivered = np.zeros((2, size, size), dtype=np.int64)
@@ -78,8 +78,12 @@ class Figures(JournalReading):
         numbers = np.array([[(row.c0, row.c1, row.bumped, row.refused) for row in t] for t in ticks])
         c0, c1, bumped, refused = np.moveaxis(numbers, 2, 0)
         way_m = np.hypot(c0, c1 * self._slides) * self._step * (bumped == 0.0)
-        stuck = np.array([[row.state == DEAD_END for row in t] for t in ticks])
-        self._sums += np.sum((way_m, alive, bumped, refused, decided, decided & stuck), axis=1)
+        states = [[row.state for row in t] for t in ticks]
+        stuck, planned, free = (
+            decided & np.array([[word == state for word in t] for t in states])
+            for state in (DEAD_END, PATROLLING, FREE)
+        )
+        self._sums += np.sum((way_m, alive, bumped, refused, decided, stuck, planned, free), axis=1)
         self._decision_ms.extend(decision_ms)
         counts = [self._rejected[1].tolist()]
         for t in ticks:
@@ -118,16 +122,20 @@ class Figures(JournalReading):
         if not count or not run.has_robots:
             return {}
         mfow, fog, seen, forged = np.array(self._ticks).T
-        way_m, alive, bumped, refused, decided, stuck = self._sums
+        way_m, alive, bumped, refused, decided, stuck, planned, free = self._sums
+        has_plan = run.prepared.scenario.patrol.needs_rounds
         late, size, living_s = mfow[count // 2 :], self._bytes[1:], alive.sum() * self._step
         of_run = {"ticks": count, "simulated_s": count * self._step, "fog_mean_s": fog.mean(), "fog_end_s": fog[-1]}
         of_run |= {"mfow_mean_s": mfow.mean(), "mfow_late_mean_s": late.mean(), "mfow_max_s": mfow.max()}
         of_run |= {"mfow_end_s": mfow[-1], "seen_share": seen[-1] / np.count_nonzero(run.prepared.patrolled)}
+        of_run["planned_share"] = _share_of(planned.sum(), free.sum()) if has_plan else None
         of_fleet = {"frames": self._frames[1:].sum(), "bytes": size.sum(), "rejected": self._rejected[0].sum()}
         of_fleet |= {"forged": forged.sum(), "bytes_per_robot_s": size.sum() / max(living_s, self._step)}
         decision_ms = [of[~np.isnan(of)] for of in np.array(self._decision_ms).T]
         robots: dict[str, Any] = {"distance_m": way_m, "collisions": bumped, "refused_commands": refused}
         robots |= {"decisions": decided, "missed": alive - decided, "dead_end_share": stuck / np.maximum(decided, 1.0)}
+        shares = list(map(_share_of, planned, free)) if has_plan else [None] * len(planned)
+        robots |= {"planned_share": shares}
         robots |= {"bytes": size, "rejected": self._rejected[0], "status": self._last_statuses()}
         for key, percent in (("decision_ms_p50", 50), ("decision_ms_p99", 99)):
             robots[key] = [np.quantile(of, percent / 100) if of.size else None for of in decision_ms]
@@ -158,6 +166,11 @@ class Figures(JournalReading):
             counts["dropped"] = {kind: table[link] for kind, table in self._dropped.items() if table[link]}
             figures["links", names[link[0]], names[link[1]]] = counts
         return figures
+
+
+def _share_of(part: float, rest: float) -> float | None:
+    """Return the share of a part in the whole; None of nothing."""
+    return part / (part + rest) if part + rest else None
 
 
 def compare(found: Found, summary: Mapping[str, Any]) -> CheckResult:

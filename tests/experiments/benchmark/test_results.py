@@ -81,11 +81,12 @@ def test_the_tables_show_what_was_seen_where_not_all_was(rows: list[CaseRow]) ->
     (name, group), _ = groups_of(rows)
     assert name == "2 robots, no fault"
     table = policy_table(group)
-    assert table.heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
+    assert table.heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)", "planned (%)"]
     assert [row[0] for row in table.rows] == ["*best tour found*", "`committed`", "`sebs:g2=50`"]
     share = group[0].metrics[SEEN].mean
     assert share < 1.0, "30 s are too short"
     assert table.rows[1][1] == f"({100 * share:.2f} % seen)"
+    assert [row[-1] for row in table.rows] == ["", "100", "-"], "sebs has no plan"
     assert table.rows[1][2] == f"{group[0].metrics['fog_mean_s'].mean:.0f}"
     text = "\n".join(page_parts(TINY, rows, None))
     assert "duration = 30.0, point = 2.0, robots.model = holonomic; seeds 1, 2." in text

@@ -32,6 +32,14 @@ def test_a_fleet_that_had_nothing_to_do_is_named(late_s: float, seen_share: floa
     assert (SIGHT in " ".join(lines)) is said
 
 
+@pytest.mark.parametrize(
+    ("share", "lines"), [(None, []), (0.934, ["planned     93.4 % of the time on patrol; else robots chose freely"])]
+)
+def test_the_share_of_planned_time_is_named_where_there_is_a_plan(share: float | None, lines: list[str]) -> None:
+    summary = Summary(ticks=9, mfow_mean_s=0.2, mfow_max_s=1.0, planned_share=share)
+    assert [line for line in measures(summary) if line.startswith("planned")] == lines
+
+
 def printed(summary: Summary, folder: Path) -> list[str]:
     text = io.StringIO()
     console = Console(file=text, width=100)

@@ -122,6 +122,7 @@ def test_each_robots_row_holds_its_own_numbers_in_their_units(run: Run) -> None:
             status="alive",
             distance_m=1000.0 * n + 0.4,
             dead_end_share=0.01 * n,
+            planned_share=None if n == 3 else 0.5 * n,
             collisions=n,
             decisions=10 * n,
             decision_ms_p50=1.04 * n,
@@ -133,9 +134,9 @@ def test_each_robots_row_holds_its_own_numbers_in_their_units(run: Run) -> None:
     vars(changed)["robot_figures"] = figures
     rows = section(report_html(analyse(changed), ()), "robots")
     assert rows == [
-        ["r1", "alive", "1000", "1.0", "1", "10", "1.0", "2.1"],
-        ["r2", "alive", "2000", "2.0", "2", "20", "2.1", "4.1"],
-        ["r3", "alive", "3000", "3.0", "3", "30", "3.1", "-"],
+        ["r1", "alive", "1000", "1.0", "50.0", "1", "10", "1.0", "2.1"],
+        ["r2", "alive", "2000", "2.0", "100.0", "2", "20", "2.1", "4.1"],
+        ["r3", "alive", "3000", "3.0", "-", "3", "30", "3.1", "-"],
     ]
 
 

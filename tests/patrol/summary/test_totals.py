@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
-from patrol.journal.records import DEAD_END, FORGED
+from patrol.journal.records import DEAD_END, FORGED, FREE
 from patrol.summary.totals import RunTotals, count_frames
 
 STEP_S = 0.5
@@ -61,16 +61,21 @@ TICKS = [
         frames=((3, b"12345"),),
         dropped=[(3, 1, 2, "loss:f1"), (3, 2, 2, "receiver paused"), (3, 1, 2, "loss:f4")],
     ),
-    tick(3, [row(1, speed=1.0, ms=6.0, rejected=1), row(2, DEAD), row(3, bumped=True)], 8, 3.0, 30),
+    tick(3, [row(1, speed=1.0, ms=6.0, rejected=1, state=FREE), row(2, DEAD), row(3, bumped=True)], 8, 3.0, 30),
     tick(4, [row(1, speed=0.0, rejected=2), row(2, DEAD), row(3, bumped=True, ms=3.0, state=DEAD_END)], 6, 2.5, 32),
 ]
 
 
 @pytest.fixture
 def found() -> Any:
+    return figures_of("committed")
+
+
+def figures_of(policy: str) -> Any:
     robots = [SimpleNamespace(number=n, name=name, model="holonomic") for n, name in enumerate(("a", "b", "c"), 1)]
     terrain = SimpleNamespace(point=0.25)
-    header: Any = SimpleNamespace(robots=robots, terrain=terrain, scenario={}, bound_s=7.5, patrolled_area_m2=2.5)
+    scenario = {"patrol": {"policy": policy}}
+    header: Any = SimpleNamespace(robots=robots, terrain=terrain, scenario=scenario, bound_s=7.5, patrolled_area_m2=2.5)
     totals = RunTotals(header, STEP_S, 40)
     for record in TICKS:
         totals.tick(record)
@@ -99,6 +104,13 @@ def test_each_robots_figures(found: Any) -> None:
     assert [robot.rejected for robot in (a, b, c)] == [5 + 2 + 2, 1, 4]  # two new processes of a count from zero
     assert (a.decision_ms_p50, b.decision_ms_p50) == (5.0, 1.0)
     assert a.decision_ms_p99 == pytest.approx(6.0 + 0.97 * 2.0)
+
+
+def test_time_in_dead_ends_is_neither_planned_nor_free_and_most_policies_have_no_plan(found: Any) -> None:
+    assert [found.robots[name].planned_share for name in "abc"] == [2 / 3, 1.0, 1.0]
+    assert found.planned_share == 0.8
+    other = figures_of("potential-field")
+    assert [other.planned_share, *(robot.planned_share for robot in other.robots.values())] == [None] * 4
 
 
 def test_frames_are_counted_once_and_for_each_receiver(found: Any) -> None:
