@@ -14,7 +14,7 @@ import pytest
 from agent.build import Shared, build_mind
 from agent.policies.commitment import Commitment
 from agent.policies.pursuit import GivenUp, Target
-from agent.ports import Decision
+from agent.ports import Decision, State
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
@@ -97,6 +97,7 @@ def test_the_way_to_a_target_gets_shorter_at_each_step() -> None:
         way = decision.figures.get("way_m", math.inf)
         if before is not None and before[0] == target:
             assert way < before[1]
+            assert decision.state == State.PATROLLING, "a policy without a round has nothing to fall back from"
         before = target, way
 
 

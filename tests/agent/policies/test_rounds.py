@@ -10,6 +10,7 @@ import pytest
 
 from agent.policies.choice import FreeChoice
 from agent.policies.committed import Committed, Comparison, OnRound
+from agent.ports import State
 from fogwatch.inprocess import run_in_process
 from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario, open_scenario
@@ -129,8 +130,9 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
     place = present(ahead.cursor)
     mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
     for _ in range(round(NO_NEARER_S / STEP)):
-        robots.tick()
+        (decision,) = robots.tick()
         target = policy.pursuit.target
+        assert decision.state == (State.HOLDING if target is None else State.FREE)
         # Meanwhile it looks at its own room.
         assert target is None or target.stand[1] * POINT < 9.6
         assert ahead.cursor == place
