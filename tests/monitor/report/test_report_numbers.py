@@ -79,7 +79,9 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
     page = report_html(analyse(run), ())
     for name, row in rows(page, "robots").items():
         facts = summary["robots"][name]
+        planned = facts["planned_share"]
         ways = [f"{facts['distance_m']:.0f}", f"{100.0 * facts['dead_end_share']:.1f}"]
+        ways.append("-" if planned is None else f"{100.0 * planned:.1f}")
         counts = [str(facts[name]) for name in ("collisions", "decisions")]
         ms = [f"{facts[name]:.1f}" for name in ("decision_ms_p50", "decision_ms_p99")]
         assert row == [name, facts["status"], *ways, *counts, *ms]
