@@ -189,7 +189,7 @@ def test_the_preset_of_conditions_has_a_table_for_each_ground(tmp_path: Path) ->
     as_it_is = list(page_parts(replace(matrix, settings={}), case_rows(outcome), preset))
     assert as_it_is[-2].startswith("point = 1; capacity: the length of the best tour found")
     head, _, *lines = parts[-1].splitlines()
-    assert head == "| condition | policy | MFoW / capacity | bumps |", "100 s are too short for intruders"
+    assert head == "| condition | policy | MFoW / capacity | planned (%) | bumps |", "100 s are too short for intruders"
     assert [line.split(" | ")[:2] for line in lines] == [[f"| {name}", "`committed`"] for name in conditions]
 
 
