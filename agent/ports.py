@@ -70,7 +70,7 @@ class State(StrEnum):
     """The state of a robot, as it is reported. A policy may use words of its own, for example "cleaning"."""
 
     PATROLLING = "patrolling"
-    FREE = "free"  # patrols by choices of its own, where its policy has a plan or round that the fleet shares
+    FREE = "free"  # patrols by choices of its own, where its policy has a plan or round
     DEAD_END = "dead-end"
     HOLDING = "holding"
     SURROUNDING = "surrounding"

@@ -120,7 +120,8 @@ def check_condition(name: str) -> None:
             raise BadInput(f"--conditions {name}: {part}: {hint}")
     counts = [part for part in parts if part.startswith("robots-")]
     if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1) or len(counts) > 1:
-        raise BadInput(f"--conditions {name}: these do not go together; name each fault once, and none alone")
+        remedy = "name each condition once, one robots-N at most, and none alone"
+        raise BadInput(f"--conditions {name}: these do not go together; {remedy}")
 
 
 def condition_of(name: str, duration_s: float) -> Condition:

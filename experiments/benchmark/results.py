@@ -114,7 +114,9 @@ succeed because it watches."""
             own = preset.ground_settings(terrain).items()
             texts = [f"{name} = {value}" for name, value in own if name not in matrix.settings]  # which hold over them
             yield f"## {preset.title}: {terrain.name}"
-            yield "; ".join([*texts, "capacity: the length of the best tour found by the sum of all robots' speeds"])
+            yield "; ".join(
+                [*texts, "capacity: the length of the best tour found, divided by the sum of all robots' speeds"]
+            )
             yield ground_table([row for row in rows if places_of(row)["terrain"] == terrain.name], preset).markdown()
     elif preset is not None:
         yield f"## Beside {preset.title}"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 NO_TOUR = "no tour for this ground or sensor"
 """Note beside the best tour found where there is none."""
 
-NO_PLAN = "no plan that robots share"
+NO_PLAN = "no plan, or no robot on patrol"
 """Note beside the share of the time that went by a plan, where there is none."""
 
 

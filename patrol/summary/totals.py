@@ -161,7 +161,9 @@ class RunTotals:
         Events after the run's last tick may change a robot's status.
         """
         header, step, mfow = self._header, self._step, self._mfow
-        has_plan = header.scenario["patrol"]["policy"] in (COMMITTED, STOCHASTIC)
+        planning = header.scenario["patrol"]["policy"] in (COMMITTED, STOCHASTIC)
+        # A class of one's own says so by its robots' states.
+        has_plan = planning or any(robot.free for robot in self._robots.values())
         ticks = len(mfow)
         for event in events:
             standing = standing_after(event.kind)

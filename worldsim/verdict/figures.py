@@ -123,7 +123,7 @@ class Figures(JournalReading):
             return {}
         mfow, fog, seen, forged = np.array(self._ticks).T
         way_m, alive, bumped, refused, decided, stuck, planned, free = self._sums
-        has_plan = run.prepared.scenario.patrol.needs_rounds
+        has_plan = run.prepared.scenario.patrol.needs_rounds or bool(free.any())
         late, size, living_s = mfow[count // 2 :], self._bytes[1:], alive.sum() * self._step
         of_run = {"ticks": count, "simulated_s": count * self._step, "fog_mean_s": fog.mean(), "fog_end_s": fog[-1]}
         of_run |= {"mfow_mean_s": mfow.mean(), "mfow_late_mean_s": late.mean(), "mfow_max_s": mfow.max()}

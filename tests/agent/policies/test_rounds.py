@@ -129,13 +129,16 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
     robots.until(leaves_the_room, 100)
     place = present(ahead.cursor)
     mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
+    states = set()
     for _ in range(round(NO_NEARER_S / STEP)):
         (decision,) = robots.tick()
         target = policy.pursuit.target
+        states.add(decision.state)
         assert decision.state == (State.HOLDING if target is None else State.FREE)
         # Meanwhile it looks at its own room.
         assert target is None or target.stand[1] * POINT < 9.6
         assert ahead.cursor == place
+    assert State.FREE in states
     robots.until(lambda: ahead.cursor != place, 100)
 
 

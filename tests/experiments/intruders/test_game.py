@@ -34,7 +34,7 @@ def test_watching_a_robot_that_jumps_at_random_gains_nothing() -> None:
     assert outcome.gain.watching.low <= 0.0
     assert outcome.once["future"].percent == 100.0
     more = infiltration(Game(watch, Infiltrator(within_s=60.0, attempts=300)))
-    assert more.gain.watching.percent < 5.0
+    assert -15.0 < more.gain.watching.percent < 5.0, "what it learns of chance may mislead it a little"
 
 
 def test_planning_again_does_not_fall_for_the_best_of_many_forecasts() -> None:
