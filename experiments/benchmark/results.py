@@ -25,7 +25,8 @@ OVER_TOUR = "mfow_late_over_tour"
 """Name of the metric that is the late MFoW as a ratio to that on the best tour found."""
 
 OVER_CAPACITY = "mfow_late_over_capacity"
-"""Name of the metric that is the late MFoW as a ratio to the capacity: length of the tour by sum of speeds."""
+"""Name of the metric that is the late MFoW as a ratio to the capacity, the tour's length divided by the sum of
+speeds."""
 
 ATTACK_S = 75.0
 """Duration of the attacks whose successes tables show, s; the files have the others too."""

@@ -359,7 +359,7 @@ class Summary(_Part):
         Metric(
             "share of the time on patrol in which robots went by the [plan](algorithm.md#drawn-stations) of "
             "`stochastic`, or the [round](algorithm.md#rounds) of `committed`; in the rest each chose freely, with the "
-            "state `free`. Null for other policies",
+            "state `free`. Null for other policies, unless a robot reported that state",
             "%",
             "planned",
             "of the time on patrol; else robots chose freely",

@@ -78,11 +78,8 @@ class Figures(JournalReading):
         numbers = np.array([[(row.c0, row.c1, row.bumped, row.refused) for row in t] for t in ticks])
         c0, c1, bumped, refused = np.moveaxis(numbers, 2, 0)
         way_m = np.hypot(c0, c1 * self._slides) * self._step * (bumped == 0.0)
-        states = [[row.state for row in t] for t in ticks]
-        stuck, planned, free = (
-            decided & np.array([[word == state for word in t] for t in states])
-            for state in (DEAD_END, PATROLLING, FREE)
-        )
+        states = np.array([[row.state for row in t] for t in ticks])
+        stuck, planned, free = (decided & (states == state) for state in (DEAD_END, PATROLLING, FREE))
         self._sums += np.sum((way_m, alive, bumped, refused, decided, stuck, planned, free), axis=1)
         self._decision_ms.extend(decision_ms)
         counts = [self._rejected[1].tolist()]
