@@ -465,7 +465,7 @@ def _shared_s(tours: BestTour, scenario: Scenario, limits: SpeedLimits) -> float
     """Return the MFoW of a fleet on the tours that its robots share, s; None without tours."""
     if tours.length_m is None:
         return None
-    return max(_driven_s(part.way, part.length_m or 0.0, scenario, limits) / len(part.robots) for part in tours.parts)
+    return max(_driven_s(part.way, part.length_m or 0.0, scenario, limits) / len(part.speeds) for part in tours.parts)
 
 
 def _driven_s(way: Sequence[tuple[float, float]], length_m: float, scenario: Scenario, limits: SpeedLimits) -> float:

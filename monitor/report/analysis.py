@@ -153,8 +153,11 @@ def measures(run: Run) -> list[Measure]:
 
 def _tour_note(run: Run) -> str:
     """Return which robots the best tour is for."""
-    count = sum(not spec.spare for spec in run.prepared.scenario.roster)
-    return "for 1 robot that is never down" if count == 1 else f"for all {count} robots, as if none were ever down"
+    speeds = [spec.speed for spec in run.prepared.scenario.roster if not spec.spare]
+    if len(speeds) == 1:
+        return "for 1 robot that is never down"
+    own = "" if len(set(speeds)) == 1 else ", each at its own speed"
+    return f"for all {len(speeds)} robots{own}, as if none were ever down"
 
 
 def warnings_of(run: Run) -> Sequence[str]:

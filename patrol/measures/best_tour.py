@@ -102,8 +102,7 @@ MOST_KNOWN = 64
 class PartTour:
     """The tour of the robots of one radius in one part of the terrain."""
 
-    robots: tuple[int, ...]  # their numbers
-    speed: float  # of the slowest, m/s
+    speeds: Mapping[int, float]  # of each, by number, m/s
     length_m: float | None  # None where the ground is too large for a tour
     way: tuple[tuple[float, float], ...] = ()  # corners in order, x and y in m; empty without a tour
 
@@ -125,14 +124,16 @@ class BestTour:
         return None if not lengths or None in lengths else sum(length for length in lengths if length is not None)
 
     def bound_s(self, shares: Mapping[int, float]) -> float | None:
-        """Return the MFoW that robots keep by following the tours at equal distances and the slowest's speed, s.
+        """Return the MFoW that robots keep by following the tours, each at its speed, s.
 
-        `shares` says by robot number for how much of the time it takes part, 0 to 1; robots that are missing do not.
+        At one speed they keep equal distances. At several it counts how much way they cover together, as if each had a
+        stretch of the tour as long as it is fast. `shares` says by robot number for how much of the time it takes part,
+        0 to 1; robots that are missing do not.
         None where a part has no tour, or no robot.
         """
         bounds = []
         for part in self.parts:
-            speed = part.speed * sum(shares.get(number, 0.0) for number in part.robots)
+            speed = sum(speed * shares.get(number, 0.0) for number, speed in part.speeds.items())
             if part.length_m is None or speed <= 0.0:
                 return None
             bounds.append(part.length_m / speed)
@@ -163,9 +164,9 @@ def best_tour(prepared: Prepared) -> BestTour:
         uncovered &= ~own.patrolled
         if part_ground.any():
             tour = finder.find(own, part_ground)
-            speed = min(specs[number].speed for number in robots)
+            speeds = {number: specs[number].speed for number in robots}
             length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
-            parts.append(PartTour(tuple(robots), speed, length_m, way))
+            parts.append(PartTour(speeds, length_m, way))
     return BestTour(tuple(parts))
 
 

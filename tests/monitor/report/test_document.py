@@ -20,6 +20,7 @@ from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
 from patrol.errors import BadInput
 from patrol.measures.best_tour import best_tour
+from patrol.scenario import load_scenario
 from patrol.summary.model import Summary
 from tests.monitor.conftest import cut, run_of, shorten_range
 
@@ -314,6 +315,15 @@ def test_a_report_says_what_the_mfow_compares_with(quiet: Any) -> None:
     assert best.value == best_tour(run.prepared).bound_s(dict.fromkeys(run.numbers, 1.0))
     assert best.note == f"for all {len(run.numbers)} robots, as if none were ever down"
     assert "stalest place" not in page_of(replace(run, summary=Summary(verdict=run.stated.verdict)))
+
+
+def test_a_report_says_when_robots_of_several_speeds_share_a_tour(quiet: Any) -> None:
+    run = quiet.open()
+    robots = [{"speed": 1.0 + index} for index in range(len(run.numbers))]
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "robots": robots})
+    mixed = replace(run, prepared=replace(run.prepared, scenario=scenario))
+    best = next(measure for measure in measures(mixed) if measure.name == "best tour found")
+    assert best.note == f"for all {len(robots)} robots, each at its own speed, as if none were ever down"
 
 
 def test_a_lower_bound_of_0_is_explained(quiet: Any) -> None:

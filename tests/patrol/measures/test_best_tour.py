@@ -61,13 +61,13 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "fogwatch" / "tours"
 
 
-def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
+def test_robots_of_one_part_share_a_tour_each_at_its_speed() -> None:
     tour = best_tour(prepared())
     (part,) = tour.parts
-    assert (part.robots, part.speed) == ((1, 2), 1.0)
+    assert part.speeds == {1: 1.0, 2: 2.0}
     assert tour.length_m == part.length_m
-    assert tour.bound_s({1: 1.0, 2: 1.0}) == metres(part.length_m) / 2.0
-    assert tour.bound_s({1: 1.0, 2: 0.5}) == metres(part.length_m) / 1.5
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == metres(part.length_m) / 3.0
+    assert tour.bound_s({1: 1.0, 2: 0.5}) == metres(part.length_m) / 2.0
     assert tour.bound_s({}) is None
 
 
@@ -112,7 +112,7 @@ def test_a_sensor_of_ones_own_has_a_tour_of_its_own(tmp_path: Path) -> None:
 def test_parts_that_nobody_can_change_between_have_a_tour_each() -> None:
     tour = best_tour(prepared(door=False))
     first, second = tour.parts
-    assert (first.robots, second.robots) == ((1,), (2,))
+    assert (list(first.speeds), list(second.speeds)) == ([1], [2])
     assert tour.bound_s({1: 1.0, 2: 1.0}) == max(metres(first.length_m), metres(second.length_m) / 2.0)
     assert tour.bound_s({1: 1.0}) is None
 
@@ -122,7 +122,7 @@ def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
     more = ready.fields[2].patrolled & ~ready.fields[1].patrolled
     assert more.any()
     large, small = best_tour(ready).parts
-    assert (large.robots, small.robots) == ((1,), (2,))
+    assert (list(large.speeds), list(small.speeds)) == ([1], [2])
     assert metres(small.length_m) < metres(large.length_m)
 
 
@@ -135,7 +135,7 @@ def test_a_sensor_that_misses_some_has_no_tour(sensor: dict[str, Any]) -> None:
 
 
 def test_ground_too_large_for_a_tour_has_no_bound() -> None:
-    tour = BestTour((PartTour((1,), 1.0, 9.0), PartTour((2,), 1.0, None)))
+    tour = BestTour((PartTour({1: 1.0}, 9.0), PartTour({2: 1.0}, None)))
     assert tour.length_m is None
     assert tour.bound_s({1: 1.0, 2: 1.0}) is None
 
