@@ -106,10 +106,10 @@ class Commitment:
             across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
                 return Bearing((math.atan2(up, across),), wander=wander, state=state, figures=figures)
-        place, bend, exact = way.place, way.bend, target.age > 0
-        if target.spot is not None:
-            place, bend = target.spot, target.spot if way.bend == way.place else way.bend
-        return Place(*place, bend=bend, wander=wander, exact=exact, gives_room=True, state=state, figures=figures)
+        exact = target.age > 0
+        return Place(
+            *way.place, bend=way.bend, wander=wander, exact=exact, gives_room=True, state=state, figures=figures
+        )
 
     def _state_of(self, is_free: bool) -> State:
         """Return the state to report for a robot that goes by a free choice, or by the shared round."""

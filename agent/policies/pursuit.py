@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
-    from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
 
@@ -108,9 +107,8 @@ class Target:
 
     point: Point
     stand: Point  # the point to go to: the same, or its post where no body fits
-    age: int  # of the point when it was chosen, ticks; 0 for a place that is only passed
+    age: int  # of the point when it was chosen, ticks
     free: bool = False  # chosen freely, not on a round or from a plan
-    spot: Spot | None = None  # x and y in m on the point to go to; None for its centre
 
 
 class Pursuit:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from agent.policies.commitment import Choice, Commitment
-from agent.policies.living import Living
 from patrol.errors import BadInput
 from patrol.measures.best_tour import followers_of
 from patrol.zones.division import Group
@@ -82,16 +81,12 @@ class RoundStands:
         self._own = np.where(own_stands >= 0, own_stands, laid_out.stands)
         self._width = setup.ground.terrain.width
 
-    def of(
-        self, view: View, given_up: GivenUp, span: slice | Flat, by_itself: bool = False
-    ) -> tuple[Flat, NDArray[np.bool_]]:
+    def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
         """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
 
-        Usable are those that the robot gets to and has not given up. With ``by_itself`` each is seen from the point
-        itself, or from its post, in any case.
+        Usable are those that the robot gets to and has not given up.
         """
-        own_stands = self._own[span]
-        stands = own_stands if by_itself else self._round.stands[span]
+        stands, own_stands = self._round.stands[span], self._own[span]
         usable = np.ones(stands.shape, dtype=np.bool_)
         if (now := view.fog.stands) is not None:
             own_stands = now[self._round.points[span]]
@@ -168,7 +163,6 @@ class SharedRound(Commitment):
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         self._since = 0  # tick from which on the zones in force count
         self._round: Round | None = None
-        self._living = Living(setup)
         if (divisions := self._free.zones.under(self._weighing)) is not None:
             self._take_zones(divisions)
         elif not prepared.rounds:

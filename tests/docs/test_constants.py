@@ -18,15 +18,11 @@ from agent.policies import (
     commitment,
     committed,
     forces,
-    living,
     potential_field,
     pursuit,
     shared_round,
     stochastic,
 )
-from agent.policies.common_plan import plan as common_plan
-from agent.policies.common_plan import robots as planned_robots
-from agent.policies.common_plan import stations as known_stations
 from experiments.intruders import game, predictors
 from experiments.intruders.infiltrator import Infiltrator
 from fogwatch.planning import plan
@@ -63,22 +59,15 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "twice as long each further time, up to # s", (pursuit.LONGEST_S,)),
     ("algorithm", "stay in free choices, at # % of ticks", (100.0 * commitment.RANDOM_MOVE,)),
     ("algorithm", "less than # sensor ranges along it from the first one (`STRETCH`)", (STRETCH,)),
-    ("algorithm", "at # (holonomic) or # (on wheels)", (planned_robots.PACE["holonomic"], planned_robots.PACE["car"])),
-    ("algorithm", "they see # turning radii less far (`BESIDE`)", (planned_robots.BESIDE,)),
-    ("algorithm", "up to # near ones (`CHOICES`)", (common_plan.CHOICES,)),
-    ("algorithm", "older than # (`STALE`)", (common_plan.STALE,)),
-    ("algorithm", "by # small moves (`MOVES`)", (common_plan.MOVES,)),
-    ("algorithm", "by # for each station (`MOVES_FIRST`)", (common_plan.MOVES_FIRST,)),
-    ("algorithm", "**Spread**: # (`SPREAD`)", (common_plan.SPREAD,)),
-    ("algorithm", "more than # robots (`FEW`)", (common_plan.FEW,)),
-    ("algorithm", "later than # of the time between two robots (`LATE`)", (stochastic.LATE,)),
-    ("algorithm", "ahead by # of it (`EARLY`)", (stochastic.EARLY,)),
-    ("algorithm", "for # s (`FAR_APART_S`)", (living.FAR_APART_S,)),
-    ("algorithm", "stood still for # s (`STUCK_S`)", (living.STUCK_S,)),
-    ("algorithm", "Every # s (`HOUR_S`)", (stochastic.HOUR_S,)),
-    ("algorithm", "at # ticks a tick (`CATCH_UP`)", (stochastic.CATCH_UP,)),
-    ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
-    ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`)", (stochastic.LEAST_STATIONS,)),
+    ("algorithm", "up to # near ones (`CHOICES`)", (stochastic.CHOICES,)),
+    ("algorithm", "older than # (`STALE`)", (stochastic.STALE,)),
+    ("algorithm", "by # small moves (`MOVES`)", (stochastic.MOVES,)),
+    ("algorithm", "stays the same for # (`SPELL`)", (stochastic.SPELL,)),
+    ("algorithm", "**Spread**: # (`SPREAD`)", (stochastic.SPREAD,)),
+    ("algorithm", "longer again by # ranges of the sensor (`TURNED`)", (stochastic.TURNED,)),
+    ("algorithm", "Every # s (`PERIOD_S`)", (stochastic.PERIOD_S,)),
+    ("algorithm", "with # moves for each station (`MOVES_FIRST`)", (stochastic.MOVES_FIRST,)),
+    ("algorithm", "stood still for # s (`STUCK_S`)", (stochastic.STUCK_S,)),
     ("algorithm", "than # (`CROWDED`)", (best_tour.CROWDED,)),
     (
         "algorithm",
@@ -86,6 +75,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
         (shared_round.LOSSES_S, 100 * shared_round.LOSSY),
     ),
     ("algorithm", "stands for a wanted age times # more (`KEPT`)", (division.KEPT,)),
+    ("algorithm", "and # s (`LATE`, `LATE_S`)", (stochastic.LATE_S,)),
     ("algorithm", "After a period of # s with an MFoW of # (`BROKEN`)", (committed.PERIOD_S, committed.BROKEN)),
     ("algorithm", "in a fleet of more than # robots", (best_tour.MOST_ROBOTS,)),
     ("algorithm", "or a tour of # places", (search.MOST_PLACES,)),
@@ -162,6 +152,7 @@ SPELT: list[tuple[str, str, float, float]] = [
     ("algorithm", "within one sensor range or four strides along", committed.AHEAD, 1.0),
     ("algorithm", "unseen for half of the time between two robots", committed.STALE, 0.5),
     ("algorithm", "Every sixth period (`PERIODS`)", committed.PERIODS, 6),
+    ("algorithm", "after three times the way there", stochastic.LATE, 3.0),
     ("algorithm", "straight for at least five radii", differential.STRAIGHT_RADII, 5.0),
     ("algorithm", "shorter by five turning radii", manoeuvre.AHEAD, 5.0),
     ("algorithm", "or within half a stride of the place", manoeuvre.NEAR, 0.5),

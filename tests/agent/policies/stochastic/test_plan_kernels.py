@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.kernels.plan import compare, improve, oldest_ages, take_stale, weighted_ages
+from agent.kernels.plan import compare, improve, oldest_ages, weighted_ages
 
 Whole = NDArray[np.int64]
 NOT_PINNED = np.zeros(8, dtype=np.bool_)
@@ -22,13 +21,12 @@ class Fleet:
 
     leads: NDArray[np.float64]
     apart: NDArray[np.float64]
-    paces: NDArray[np.float64]
     ages: NDArray[np.float64]
     near: Whole
 
     @property
-    def inputs(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], Whole]:
-        return self.leads, self.apart, self.paces, self.ages, self.near
+    def inputs(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Whole]:
+        return self.leads, self.apart, self.ages, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:
         """The cost of a plan, in plain Python."""
@@ -37,7 +35,7 @@ class Fleet:
             at_s = 0.0
             for i, station in enumerate(routes[robot, :count]):
                 before = routes[robot, i - 1]
-                at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station] * self.paces[robot]
+                at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station]
                 total += float(self.ages[station] + at_s) ** 8
         return total
 
@@ -47,9 +45,7 @@ def fleet_of(dice: np.random.Generator, robots: int, stations: int) -> Fleet:
     apart = np.sqrt(((spots[:, None] - spots[None]) ** 2).sum(axis=2))
     leads = np.sqrt(((places[:, None] - spots[None]) ** 2).sum(axis=2))
     near = np.ascontiguousarray(np.argsort(apart, axis=1)[:, 1:9])
-    ages = dice.uniform(0, 60, stations)
-    paces = np.ones(1) if robots == 1 else dice.uniform(0.5, 2.0, robots)
-    return Fleet(leads, apart, paces, ages, near)
+    return Fleet(leads, apart, dice.uniform(0, 60, stations), near)
 
 
 def plan_of(dice: np.random.Generator, robots: int, stations: int) -> tuple[Whole, Whole]:
@@ -118,33 +114,7 @@ def test_the_oldest_points_of_stations_are_those_of_all_their_points_whatever_wa
     for tick in range(4, 30):
         oldest_ages(points, begins, patrolled, last_seen, tick, 0.5, witnesses, ages)
         each = np.empty(16)
-        weighted_ages(points, patrolled, last_seen, np.zeros((0, 0)), tick, 0.5, each)
+        weighted_ages(points, patrolled, last_seen, last_seen, np.zeros((0, 0)), tick, 0.5, each)
         assert ages.tolist() == np.maximum.reduceat(each, begins[:-1]).tolist()
         looked = np.where(dice.random(shape) < 0.2, np.int32(tick - dice.integers(0, 2)), np.int32(-1))
         np.maximum(last_seen, looked, out=last_seen)
-
-
-@given(seed=st.integers(0, 2**32 - 1), weighted=st.booleans())
-def test_stale_points_are_those_that_two_views_in_a_row_show_and_that_are_old_enough(seed: int, weighted: bool) -> None:
-    """Also where the views lie apart, or partly outside of the grid."""
-    dice = np.random.default_rng(seed)
-    shape = 5, 6
-    masks = [dice.integers(0, 2, (4, 4)).astype(np.uint8) for _ in range(2)]
-    corners = dice.integers(-3, 5, (2, 2)).tolist()
-    in_both = np.ones(shape, dtype=np.bool_)
-    for mask, (row0, col0) in zip(masks, corners, strict=True):
-        for row, col in np.ndindex(shape):
-            i, j = row - row0, col - col0
-            in_both[row, col] &= 0 <= i < 4 and 0 <= j < 4 and bool(mask[i, j])
-    patrolled, weights = dice.random(shape) < 0.7, dice.choice([1.0, 2.0], shape)
-    before = dice.integers(-1, 21, shape).astype(np.int32)
-    last_seen, taken = before.copy(), np.zeros((2, 30), dtype=np.int64)
-    (view, before_view), ((row0, col0), (row1, col1)) = masks, corners
-    given_weights = weights if weighted else np.zeros((0, 0))
-    count = take_stale(view, row0, col0, before_view, row1, col1, patrolled, given_weights, 20, 8.0, last_seen, taken)
-    seen = in_both & patrolled
-    ages = (20 - np.maximum(before, 0)) * (weights if weighted else 1.0)
-    stale = np.flatnonzero(seen & (ages >= 8.0))
-    assert taken[0, :count].tolist() == stale.tolist()
-    assert taken[1, :count].tolist() == np.maximum(before, 0).flat[stale].tolist()
-    assert last_seen.tolist() == np.where(seen, 20, before).tolist()
