@@ -102,7 +102,7 @@ MOST_KNOWN = 64
 class PartTour:
     """The tour of the robots of one radius in one part of the terrain."""
 
-    speeds: Mapping[int, float]  # of each, by number, m/s
+    speeds: Mapping[int, float]  # of the robots, by number, m/s
     length_m: float | None  # None where the ground is too large for a tour
     way: tuple[tuple[float, float], ...] = ()  # corners in order, x and y in m; empty without a tour
 
@@ -126,17 +126,16 @@ class BestTour:
     def bound_s(self, shares: Mapping[int, float]) -> float | None:
         """Return the MFoW that robots keep by following the tours, each at its speed, s.
 
-        At one speed they keep equal distances. At several it counts how much way they cover together, as if each had a
-        stretch of the tour as long as it is fast. `shares` says by robot number for how much of the time it takes part,
-        0 to 1; robots that are missing do not.
-        None where a part has no tour, or no robot.
+        Robots of one speed keep equal distances. Where speeds differ, it is as if each had a stretch of the tour in
+        proportion to its speed. `shares` says by robot number for how much of the time it takes part, 0 to 1; robots
+        that are missing do not. None where a part has no tour, or no robot.
         """
         bounds = []
         for part in self.parts:
-            speed = sum(speed * shares.get(number, 0.0) for number, speed in part.speeds.items())
-            if part.length_m is None or speed <= 0.0:
+            together = sum(speed * shares.get(number, 0.0) for number, speed in part.speeds.items())
+            if part.length_m is None or together <= 0.0:
                 return None
-            bounds.append(part.length_m / speed)
+            bounds.append(part.length_m / together)
         return max(bounds, default=None)
 
     def bound_of_fleet_s(self, scenario: Scenario) -> float | None:
