@@ -1,0 +1,150 @@
+"""The robots that live, as one of them can tell: a silence is weighed against the silences before it.
+
+Where one position in ten arrives, a robot is silent for a minute now and then, and lives. So a robot counts as dead
+once its silence is much longer than those that others have ended by being heard again: silences at random would be so
+long once in a million times (`DOUBT`). Where nothing is lost, that is soon.
+
+- While none is heard, the radio is gone and not the robots: all count on.
+- A robot that was heard last from about as far away as any is may have driven out of reach, so it counts for longer.
+- One that stands still for long is stuck, and counts as little as a dead one. A spare one counts once it is heard.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.radio.peers import columns_of
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+    from agent.view import View
+
+DOUBT = 1e-6
+"""Chance of a silence at random from which on a robot counts as dead."""
+
+SILENCES_S = 600.0
+"""Time over which silences are averaged, s."""
+
+PRIOR, PRIOR_S = 4.0, 20.0
+"""A robot begins as if it had met so many silences of so many seconds, since it does not know the radio yet."""
+
+AGAIN, LEAST_S = 3.0, 15.0
+"""A robot counts for at least so many times the longest silence of the last time that `SILENCES_S` says, and so many
+seconds. Where walls shadow, silences are longer than at random."""
+
+LOSSY = 0.02
+"""Share of lost and late positions from which on robots do not hear each other well; they do again at half of it."""
+
+LATELY_S = 120.0
+"""Time over which that share is measured, s."""
+
+FAR_APART_S = 600.0
+"""Time for which robots count that are out of reach, or were never heard, s."""
+
+EDGE = 0.8
+"""Share of the greatest distance of which robots were heard from which on one may drive out of reach."""
+
+REACH = 0.7
+"""Share of the terrain's diagonal from which on the radio reaches everywhere."""
+
+STUCK_S = 30.0
+"""Time for which a robot has to stand still to count no longer, s."""
+
+
+class Living:
+    """The robots that live, as one robot knows from what it hears."""
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Begin before anything is heard."""
+        roster, terrain, self._step = setup.fleet.roster, setup.ground.terrain, setup.fleet.step
+        self._number = setup.robot.spec.number
+        count = max(spec.number for spec in roster) + 1
+        self._members = np.zeros(count, dtype=np.bool_)
+        self._members[[spec.number for spec in roster if not spec.spare]] = True
+        self._members[self._number] = False
+        self._heard = np.full(count, -1)  # tick at which each was heard last
+        self._places = np.full((count, 2), np.inf)  # where each has stood since `_stood`
+        self._stood = np.zeros(count, dtype=np.int64)
+        self._away_m = np.zeros(count)  # how far away each was when it was heard last
+        self._longest_m = 0.0
+        self._wide_m = REACH * terrain.point * math.hypot(*terrain.shape)
+        # Recent silences together, and their squares.
+        self._silent = PRIOR * PRIOR_S / self._step
+        self._squared = PRIOR * (PRIOR_S / self._step) ** 2
+        self._longest_silence = 1.0  # of the recent ones, ticks; less each tick
+        self._missed = self._expected = self._delay = 0.0  # of positions lately: lost ones, all, and ticks under way
+        self._hears_well = True
+        self._works_since = 0  # tick since which robots are heard
+        self._tick = -1
+        self._counts = self._members
+        self._living = frozenset({self._number})
+
+    @property
+    def hears_well(self) -> bool:
+        """True while nearly all positions of robots that live arrive, and at once."""
+        return self._hears_well
+
+    def note(self, view: View) -> frozenset[int]:
+        """Take note of who is heard at a tick, once; return the numbers of the robots that live, this one's too."""
+        if view.tick != self._tick:
+            # While it was at a dock it did not listen.
+            away = view.tick - self._tick - 1
+            self._heard[self._heard >= 0] += away
+            self._stood += away
+            self._tick = view.tick
+            self._hear(view)
+            self._counts = self._count_living(view)
+            self._living = frozenset({self._number, *np.flatnonzero(self._counts).tolist()})
+            self._judge_radio()
+        return self._living
+
+    def _hear(self, view: View) -> None:
+        peers = columns_of(view.peers)
+        new = peers.ticks > self._heard[peers.numbers]
+        numbers, ticks, places = peers.numbers[new], peers.ticks[new], peers.places[new]
+        is_known = self._heard[numbers] >= 0
+        silences = (ticks - self._heard[numbers])[is_known]
+        remains = 1.0 - self._step / SILENCES_S
+        self._silent = remains * self._silent + float(silences.sum())
+        self._squared = remains * self._squared + float((silences**2).sum())
+        self._longest_silence = max(remains * self._longest_silence, float(silences.max(initial=1)))
+        # What one has not sent that was taken for dead is not lost.
+        lately, counted = 1.0 - self._step / LATELY_S, silences[self._counts[numbers[is_known]]]
+        self._expected = lately * self._expected + float(counted.sum())
+        self._missed = lately * self._missed + float(counted.sum() - counted.size)
+        self._delay = lately * self._delay + float((ticks - peers.sequences[new]).sum())
+        self._heard[numbers] = ticks
+        self._members[numbers] = True
+        moved = np.sqrt(((places - self._places[numbers]) ** 2).sum(axis=1)) > view.stride
+        self._places[numbers[moved]], self._stood[numbers[moved]] = places[moved], ticks[moved]
+        away_m = np.sqrt(((places - (view.reported.x, view.reported.y)) ** 2).sum(axis=1))
+        self._away_m[numbers] = away_m
+        self._longest_m = max(self._longest_m, float(away_m.max(initial=0.0)))
+
+    def _judge_radio(self) -> None:
+        is_alone = np.count_nonzero(self._members) == 0
+        if self._works_since == self._tick and self._tick > 0 and not is_alone:
+            self._hears_well = False
+        elif self._expected > 0.0:
+            share = (self._missed + self._delay) / self._expected
+            self._hears_well = share <= (LOSSY if self._hears_well else 0.5 * LOSSY)
+
+    def _count_living(self, view: View) -> NDArray[np.bool_]:
+        # Of silences at random, the mean of the squares is twice the square of the mean.
+        usual = max(0.5 * self._squared / self._silent, 1.0)
+        longest = max(-math.log(DOUBT) * usual, AGAIN * self._longest_silence, LEAST_S / self._step)
+        far_apart = FAR_APART_S / self._step
+        others = self._members & (self._heard >= 0)
+        if np.count_nonzero(others) != 1 and view.tick - int(self._heard.max()) > longest:
+            self._works_since = view.tick
+        silent = view.tick - np.maximum(self._heard, self._works_since)
+        is_far = (self._heard < 0) | ((self._away_m >= EDGE * self._longest_m) & (self._longest_m < self._wide_m))
+        living = self._members & (silent <= np.where(is_far, max(far_apart, longest), longest))
+        living[list(view.peers)] = True
+        living &= (self._heard - self._stood) * self._step <= STUCK_S
+        living[list(view.charging)] = False
+        return np.asarray(living, dtype=np.bool_)
