@@ -11,7 +11,6 @@ import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
 from patrol.pose import Command
-from patrol.radio.peers import Peer
 from runtime.messages.phases import MAX_STATE
 from runtime.process.deadline import Late
 
@@ -70,8 +69,6 @@ def checked(intent: object) -> Intent:
     figures = intent.figures
     if not isinstance(figures, _MAPPINGS) or not all(isinstance(name, str) for name in figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
-    if isinstance(intent, Place) and not _are_peers(intent.others):
-        raise PolicyFailed(f"returned Place with others = {intent.others!r}; give a mapping from robot numbers to Peer")
     if _is_ready(intent):
         return intent
     kind, plain = type(intent).__name__, _plain_numbers(intent)
@@ -88,19 +85,12 @@ def _is_ready(intent: Intent) -> bool:
         return several and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
     if type(intent) is Place:
         spots = _is_spot(intent.bend) and _is_spot(intent.lean)
-        numbers = (intent.x, intent.y) if intent.step is None else (intent.x, intent.y, *_numbers_of(intent.step))
-        return all(map(_is_float, numbers)) and spots and _is_turn(intent.wander)
+        return _is_float(intent.x) and _is_float(intent.y) and spots and _is_turn(intent.wander)
     return type(intent) is Stay
 
 
 def _is_float(value: object) -> bool:
     return type(value) is float and -LARGEST <= value <= LARGEST
-
-
-def _are_peers(others: object) -> bool:
-    if others is None:
-        return True
-    return isinstance(others, _MAPPINGS) and all(type(peer) is Peer for peer in others.values())
 
 
 def _is_turn(value: object) -> bool:
@@ -141,19 +131,13 @@ def _intent_numbers(intent: Intent) -> list[tuple[str, object]]:
             return [*_name_values("bearings", bearings), *alone, *_name_spot("near", near), *_name_spot("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]
-            numbers = () if intent.step is None else _numbers_of(intent.step)
-            steps = [("step", number) for number in numbers]
-            return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone, *steps]
+            return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone]
         case Stay():
             return []
         case Steer(command):
-            return [("command", number) for number in _numbers_of(command, "Steer", "command")]
-
-
-def _numbers_of(command: object, kind: str = "Place", name: str = "step") -> tuple[float, float]:
-    if not isinstance(command, Command):
-        raise PolicyFailed(f"returned {kind} with {name} = {command!r}, which is no Velocity, Drive or Twist")
-    return command.numbers
+            if not isinstance(command, Command):
+                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity, Drive or Twist")
+            return [("command", value) for value in command.numbers]
 
 
 def _name_values(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:

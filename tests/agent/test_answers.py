@@ -9,8 +9,7 @@ import pytest
 
 from agent.answers import checked, policy_failure
 from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
-from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.radio.peers import Peer
+from patrol.pose import Drive, Velocity
 from runtime.messages.phases import MAX_STATE
 
 # Not the product's own, so that a wrong one there is noticed.
@@ -23,7 +22,6 @@ VALID: list[Intent] = [
     Bearing((), wander=7.0),
     Place(1.0, -2.0),
     Place(1, 2, bend=(3, 4), lean=(5.0, 6.0), state=State.SURROUNDING),
-    Place(1.0, -2.0, step=Twist(0.5, 0.1), others={2: Peer(4, Pose(1.0, 2.0, 0.0), 5)}),
     Stay(),
     Stay("waiting for others"),
     Stay("x" * MAX_STATE),
@@ -53,7 +51,6 @@ WITH: dict[str, list[Callable[[Any], Intent]]] = {
     "Place y": [lambda value: Place(1.0, value)],
     "Place bend": [lambda value: Place(1.0, 2.0, bend=(1.0, value))],
     "Place lean": [lambda value: Place(1.0, 2.0, lean=(value, 2.0)), lambda value: Place(1.0, 2.0, lean=(1.0, value))],
-    "Place step": [lambda value: Place(1.0, 2.0, step=Twist(1.0, value))],
     "Steer command": [
         *(lambda value: Steer(Velocity(1.0, value)), lambda value: Steer(Velocity(value, 0.0))),
         *(lambda value: Steer(Drive(value, 0.0)), lambda value: Steer(Drive(0.0, value))),
@@ -99,15 +96,6 @@ def test_numbers_of_numpy_become_pythons() -> None:
 def test_a_random_direction_is_a_number_too(value: Any) -> None:
     with pytest.raises(PolicyFailed, match="returned Bearing with wander = "):
         checked(Bearing((), wander=value))
-
-
-@pytest.mark.parametrize("value", [1.0, "ahead", (1.0, 2.0)], ids=repr)
-def test_a_step_is_a_command_and_others_are_peers(value: Any) -> None:
-    with pytest.raises(PolicyFailed, match=r"returned Place with step = .*, which is no Velocity, Drive or Twist"):
-        checked(Place(1.0, 2.0, step=value))
-    for others in (value, {2: value}):
-        with pytest.raises(PolicyFailed, match=r"returned Place with others = .*; give a mapping from robot numbers"):
-            checked(Place(1.0, 2.0, others=others))
 
 
 @pytest.mark.parametrize("value", [None, 1.0, "ahead", {1.0}, (1.0, 2.0)], ids=repr)
