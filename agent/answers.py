@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
-from patrol.pose import Command
+from patrol.pose import Command, Pose
+from patrol.radio.peers import Peer
 from runtime.messages.phases import MAX_STATE
 from runtime.process.deadline import Late
 
@@ -57,10 +58,11 @@ def policy_failure(k: int, failed: BaseException) -> str:
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 
 
-def checked(intent: object) -> Intent:
+def checked(intent: object, robots: Container[int] = ()) -> Intent:
     """Return a policy's intent with numbers that a body can use; PolicyFailed if it is no such intent.
 
-    Numpy's numbers become Python's, so that all processes compute alike.
+    Numpy's numbers become Python's, so that all processes compute alike. A policy may say where ``robots`` are, given
+    by number.
     """
     if not isinstance(intent, _INTENTS):
         raise PolicyFailed(f"returned {type(intent).__name__}; return Bearing, Place, Stay or Steer")
@@ -69,6 +71,13 @@ def checked(intent: object) -> Intent:
     figures = intent.figures
     if not isinstance(figures, _MAPPINGS) or not all(isinstance(name, str) for name in figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
+    if isinstance(intent, Place) and intent.others is not None:
+        # Read once: what is no dict might hold others when the body reads it.
+        others = dict(intent.others) if isinstance(intent.others, _MAPPINGS) else {0: None}
+        if not all(_is_peer(*other, robots) for other in others.items()):
+            remedy = "give a mapping from numbers of the fleet's robots to Peer"
+            raise PolicyFailed(f"returned Place with others = {intent.others!r}; {remedy}")
+        intent = intent if type(intent.others) is dict else replace(intent, others=others)
     if _is_ready(intent):
         return intent
     kind, plain = type(intent).__name__, _plain_numbers(intent)
@@ -85,12 +94,22 @@ def _is_ready(intent: Intent) -> bool:
         return several and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
     if type(intent) is Place:
         spots = _is_spot(intent.bend) and _is_spot(intent.lean)
-        return _is_float(intent.x) and _is_float(intent.y) and spots and _is_turn(intent.wander)
+        numbers = (intent.x, intent.y) if intent.step is None else (intent.x, intent.y, *_numbers_of(intent.step))
+        return all(map(_is_float, numbers)) and spots and _is_turn(intent.wander)
     return type(intent) is Stay
 
 
 def _is_float(value: object) -> bool:
     return type(value) is float and -LARGEST <= value <= LARGEST
+
+
+def _is_peer(number: object, peer: object, robots: Container[int]) -> bool:
+    if type(number) is not int or number not in robots or type(peer) is not Peer or type(peer.pose) is not Pose:
+        return False
+    pose, ticks = peer.pose, (peer.sequence, peer.tick)
+    return all(map(_is_float, (pose.x, pose.y, pose.heading))) and all(
+        type(k) is int and abs(k) <= LARGEST for k in ticks
+    )
 
 
 def _is_turn(value: object) -> bool:
@@ -131,13 +150,19 @@ def _intent_numbers(intent: Intent) -> list[tuple[str, object]]:
             return [*_name_values("bearings", bearings), *alone, *_name_spot("near", near), *_name_spot("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]
-            return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone]
+            numbers = () if intent.step is None else _numbers_of(intent.step)
+            steps = [("step", number) for number in numbers]
+            return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone, *steps]
         case Stay():
             return []
         case Steer(command):
-            if not isinstance(command, Command):
-                raise PolicyFailed(f"returned Steer with command = {command!r}, which is no Velocity, Drive or Twist")
-            return [("command", value) for value in command.numbers]
+            return [("command", number) for number in _numbers_of(command, "Steer", "command")]
+
+
+def _numbers_of(command: object, kind: str = "Place", name: str = "step") -> tuple[float, float]:
+    if not isinstance(command, Command):
+        raise PolicyFailed(f"returned {kind} with {name} = {command!r}, which is no Velocity, Drive or Twist")
+    return command.numbers
 
 
 def _name_values(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:

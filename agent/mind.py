@@ -5,7 +5,7 @@ Pure: no clock, no I/O, no randomness but draws from (seed, robot, incarnation, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from agent.answers import PASSED_ON, checked, failure_of
@@ -13,7 +13,7 @@ from agent.belief.believed import Belief
 from agent.belief.blocked import Blocked
 from agent.belief.obstacles import Obstacles
 from agent.chance import Draw
-from agent.ports import Body, Decision, Policy, PolicyFailed
+from agent.ports import Body, Decision, Place, Policy, PolicyFailed
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sender, Sending
@@ -71,6 +71,7 @@ class Mind:
         self._chance = chance
         self._obstacles = obstacles
         self._last: Command = halted(facts.spec.model)
+        self._elsewhere: Collection[int] = ()
         self.blocked = blocked
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
@@ -98,11 +99,13 @@ class Mind:
         if view is None:
             view = self.look(sensed)
         try:
-            intent = checked(self.policy.decide(view))
+            intent = checked(self.policy.decide(view), self.facts.radii)
         except (PolicyFailed, *PASSED_ON):
             raise
         except BaseException as error:
             raise PolicyFailed(f"raised {failure_of(error)}") from error
+        # A policy that knows better than the radio where others are says so for the next tick too.
+        self._elsewhere = intent.others.keys() if isinstance(intent, Place) and intent.others is not None else ()
         choice = self.body.obey(intent, view)
         goal = choice.goal
         self._last = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))
@@ -126,7 +129,7 @@ class Mind:
         contacts = self.belief.contacts.known(k, facts.memory)
         peers = self.belief.peers_at(k, facts.sending.predictor)
         end = advance(pose, self._last, facts.step) if sensed.bumped else None
-        obstacles = self._obstacles.note(k, pose, end, self.belief, peers)
+        obstacles = self._obstacles.note(k, pose, end, self.belief, peers, self._elsewhere)
         peers = self._obstacles.corrected(peers)
         self._ground.begin(
             [*self._obstacles.closed(obstacles, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)]

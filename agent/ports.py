@@ -123,6 +123,10 @@ class Place:
             (`agent.bodies.keeping_right`); otherwise it goes round others once it has bumped.
         state: The robot's state while it obeys, for reports.
         figures: For telemetry.
+        step: The next command on the way, of the kind that the body's model obeys, for a body that may take it: no wall
+            and no other robot is in its way. None for one that the body finds itself.
+        others: Where the policy knows the other robots to be now, by number, in place of where they were heard; None
+            for the latter.
     """
 
     x: float
@@ -134,6 +138,8 @@ class Place:
     gives_room: bool = False
     state: str = State.PATROLLING
     figures: Figures = field(default_factory=dict)
+    step: Command | None = None
+    others: Mapping[int, Peer] | None = None
 
 
 @dataclass(frozen=True, slots=True)

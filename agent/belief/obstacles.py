@@ -17,7 +17,7 @@ Theory of operation
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -53,6 +53,7 @@ class Obstacle:
     reach: float  # the nearest to it that the robot's centre gets, m
     until: int  # tick up to which its ground is closed
     spell: int  # for how many ticks it is, from a bump on
+    is_met: bool = True  # this robot has bumped into it
 
 
 class Obstacles:
@@ -85,20 +86,29 @@ class Obstacles:
         self._known: dict[int, Obstacle] = {}  # by number of the robot; below 0 where it is not known
         self._met: dict[int, tuple[int, Pose]] = {}  # when and where the robot bumped into one that is heard late
 
-    def note(self, tick: int, pose: Pose, end: Pose | None, belief: Belief, peers: Mapping[int, Peer]) -> list[Disc]:
+    def note(
+        self,
+        tick: int,
+        pose: Pose,
+        end: Pose | None,
+        belief: Belief,
+        peers: Mapping[int, Peer],
+        elsewhere: Collection[int] = (),
+    ) -> list[Disc]:
         """Take in a tick; return the discs into which the robot's centre does not get.
 
         `end` is where a cancelled move should have led, None without a bump. `peers` are where other robots should be
-        by now.
+        by now. Those of the numbers `elsewhere` have gone on, unheard.
         """
         others, known, longest = belief.peers, self._known, MOST_SPELLS * self._memory
         for number in self._find_silent(tick, others):
-            if number not in known:
+            if number not in known and number not in elsewhere:
                 known[number] = self._place_silent(number, belief, others[number].tick + self._memory)
         # A copy, since entries are removed on the way.
         for number, obstacle in list(known.items()):
             # It is heard again, or was not met for long.
-            if others[number].tick == tick if number > 0 else tick > obstacle.until + longest:
+            is_gone = others[number].tick == tick if number > 0 else tick > obstacle.until + longest
+            if is_gone or (number in elsewhere and not obstacle.is_met):
                 del known[number]
         if end is not None and not self._meet(tick, pose, end, peers):
             self._learn(tick, pose, end, belief)
@@ -133,7 +143,7 @@ class Obstacles:
 
     def _place_silent(self, number: int, belief: Belief, until: int) -> Obstacle:
         spot = belief.stopped(number)
-        return Obstacle((spot.x, spot.y), self._reach(number), until, self._memory)
+        return Obstacle((spot.x, spot.y), self._reach(number), until, self._memory, is_met=False)
 
     def _meet(self, tick: int, pose: Pose, end: Pose, peers: Mapping[int, Peer]) -> bool:
         """Return True if a bump was into a robot that is heard; note where that is if it is heard late."""
@@ -169,6 +179,7 @@ class Obstacles:
             contact = _find_contact(pose, end, self._unknown_reach)
             near[number] = Obstacle(contact, self._unknown_reach, tick, self._first)
         obstacle = self._known[number] = near[number]
+        obstacle.is_met = True
         if tick > obstacle.until:
             obstacle.spell = min(2 * obstacle.spell, MOST_SPELLS * self._memory)
         obstacle.until = tick + obstacle.spell

@@ -134,8 +134,13 @@ class BodyBase(ABC):
         if self._stops:
             view = replace(view, bumped=True)
         self.way_back.note(view.pose.x, view.pose.y)
+        if isinstance(intent, Place) and intent.others is not None:
+            view = replace(view, peers=intent.others)
         if self._keeping_right is not None:
             self._keeping_right.note(view)
+        if isinstance(intent, Place) and (step := self._take_step(intent, view)) is not None:
+            self._stops = 0
+            return step
         choice = self._back_off(view) if isinstance(intent, (Bearing, Place)) else None
         choice = choice or self._carry_out(self._replace_intent(intent, view), view)
         right = self._keeping_right
@@ -150,6 +155,26 @@ class BodyBase(ABC):
         # A real bump shows that the other is there, so the patience with its position begins anew.
         self._stops = 1 if bumped else self._stops + 1
         return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))
+
+    def _take_step(self, place: Place, view: View) -> Choice | None:
+        """Return the step that comes with a place; None without one, or with a wall or another robot in its way."""
+        if place.step is None or view.bumped:
+            return None
+        step = self._limit_command(view.pose, self._of_own_kind(place.step, "Place").limited(self.spec.limits))
+        right = self._keeping_right
+        if step is None or (right is not None and right.room(step, view) < 1.0):
+            return None
+        if step.speed_mps < CLEAR_SHARE * place.step.speed_mps:
+            return None
+        self._forget_way()
+        spot = place.x, place.y
+        bearing = math.atan2(spot[1] - view.pose.y, spot[0] - view.pose.x)
+        return Choice(step, place.state, bearing, Goal(spot, spot))
+
+    def _forget_way(self) -> None:
+        """Forget arcs that were found, since the body has gone another way."""
+        if self.manoeuvres is not None:
+            self.manoeuvres.drop()
 
     def _replace_intent(self, intent: Intent, view: View) -> Intent:
         """Return the intent, or another one for a robot that has another one before it on its way to a place."""
@@ -206,14 +231,19 @@ class BodyBase(ABC):
             case Place():
                 return self._approach_place(intent, view)
             case Steer(command, state):
-                if not isinstance(command, self.command):
-                    robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
-                    given_name, wanted = type(command).__name__, self.command.__name__
-                    raise PolicyFailed(f"returned Steer({given_name}) for a {robot}; give a {wanted}")
-                allowed = self._limit_command(view.pose, command.limited(self.spec.limits))
+                own = self._of_own_kind(command, "Steer")
+                allowed = self._limit_command(view.pose, own.limited(self.spec.limits))
                 return self._make_halt(State.HOLDING) if allowed is None else Choice(allowed, state)
             case Stay(state):
                 return self._make_halt(state)
+
+    def _of_own_kind(self, command: Command, intent: str) -> Command:
+        """Return a command that came with an intent, which has to be of the kind that the body obeys."""
+        if not isinstance(command, self.command):
+            robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
+            given_name, wanted = type(command).__name__, self.command.__name__
+            raise PolicyFailed(f"returned {intent}({given_name}) for a {robot}; give a {wanted}")
+        return command
 
     @abstractmethod
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:

@@ -189,6 +189,10 @@ class CarBody(BodyBase):
         out = self._unstuck.step(view.pose, bumped=False)
         return Choice(out or Drive(0.0, 0.0), State.DEAD_END, bearing, goal)
 
+    def _forget_way(self) -> None:
+        super()._forget_way()
+        self._unstuck.active = False
+
     def _step_to(self, pose: Pose, spot: Spot) -> Drive:
         self._unstuck.active = False
         return self._steering.park(pose, spot)

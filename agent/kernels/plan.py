@@ -1,4 +1,4 @@
-"""Kernels of joint plans: ages of points, and routes of all robots through all stations, improved by small moves."""
+"""Kernels of the common plan: ages of points, and routes of all robots to all stations, improved by small moves."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ uint64 = index = types.uint64
 """Also for indices: unsigned, so that numba skips the negative-index check."""
 
 
-@njit(types.void(POINTS, PATROLLED, TICKS, TICKS, WEIGHTS, int64, float64, AGES), cache=True, nogil=True)
-def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, ages):
+@njit(types.void(POINTS, PATROLLED, TICKS, WEIGHTS, int64, float64, AGES), cache=True, nogil=True)
+def weighted_ages(points, patrolled, last_seen, weights, tick, step, ages):
     """Find how long ago some points were last seen, times their weights.
 
     For example, at tick 10 with steps of 0.5 s, a point of weight 2 that was last seen at tick 4 gives 6 s.
@@ -29,18 +29,17 @@ def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, age
         points: int64 (n,), their flat indices.
         patrolled: bool (h, w), the points that have an age.
         last_seen: int32 (h, w), when each was last seen.
-        looked: int32 (h, w), when each was last in view; one that is in view now has no age.
         weights: float64 (h, w); (0, 0) where all count the same.
         tick: Now.
         step: Length of a tick, s.
         ages: float64 (n,), overwritten: s.
     """
     # Flat, since a division for each point would take longer than all the rest.
-    has_age, seen, viewed, weight = patrolled.ravel(), last_seen.ravel(), looked.ravel(), weights.ravel()
+    has_age, seen, weight = patrolled.ravel(), last_seen.ravel(), weights.ravel()
     for i in range(points.size):
         point = index(points[i])
         ages[i] = 0.0
-        if has_age[point] and viewed[point] != tick:
+        if has_age[point]:
             ages[i] = (tick - max(int64(seen[point]), 0)) * step
             if weight.size:
                 ages[i] *= weight[point]
@@ -120,7 +119,7 @@ NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 TIMES = types.Array(types.float64, 2, "C", readonly=True)
-INPUTS = (TIMES, TIMES, ROW, NEAR)
+INPUTS = (TIMES, TIMES, ROW, ROW, NEAR)
 PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
@@ -145,8 +144,8 @@ def _draw_below(state, limit):
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
-@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, NOTED, NOTED), cache=True, nogil=True)
-def _cost(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals):
+@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, NOTED, NOTED), cache=True, nogil=True)
+def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, costs, arrivals):
     """Return the cost of a robot's route with another tail, `tail[since:count]`.
 
     That is the sum of the eighth powers of the stations' ages when the robot visits them.
@@ -156,7 +155,7 @@ def _cost(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals
     for k in range(since, count):
         here = tail[k]
         # The first leg begins at the robot and not at a station.
-        arrival = leads[robot, here] if k == 0 else arrival + apart[before, here]
+        arrival = leads[robot, here] if k == 0 else arrival + apart[before, here] * paces[robot]
         age = ages[here] + arrival
         square = age * age
         fourth = square * square
@@ -166,17 +165,19 @@ def _cost(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals
 
 
 @njit(
-    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, NOTED, NOTED, COUNTS, COUNTS),
+    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, NOTED, NOTED, COUNTS, COUNTS),
     cache=True,
     nogil=True,
 )
-def _note(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals, owner, position):
+def _note(routes, robot, tail, since, count, leads, apart, paces, ages, costs, arrivals, owner, position):
     """Give a robot's route another tail, as of `_cost`; note whose its stations are, and what they cost up to each."""
     for k in range(since, count):
         here = tail[k]
         routes[robot, k] = here
         owner[here], position[here] = robot, k
-        arrival = leads[robot, here] if k == 0 else arrivals[robot, k] + apart[routes[robot, k - 1], here]
+        arrival = (
+            leads[robot, here] if k == 0 else arrivals[robot, k] + apart[routes[robot, k - 1], here] * paces[robot]
+        )
         age = ages[here] + arrival
         square = age * age
         fourth = square * square
@@ -184,7 +185,7 @@ def _note(routes, robot, tail, since, count, leads, apart, ages, costs, arrivals
 
 
 @njit(float64(ROUTES, COUNTS, PINNED, *INPUTS, int64, STATE), cache=True, nogil=True)
-def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
+def _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
     A move puts up to three stations of a route beside a near one, reverses a stretch of one route, or swaps the ends of
@@ -195,7 +196,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     # Of as many of a route's first stations as the index says: their cost, and when the last is visited.
     costs, arrivals = np.zeros((robots, size + 1)), np.zeros((robots, size + 1))
     for r in range(robots):
-        _note(routes, r, routes[r], 0, counts[r], leads, apart, ages, costs, arrivals, owner, position)
+        _note(routes, r, routes[r], 0, counts[r], leads, apart, paces, ages, costs, arrivals, owner, position)
     # What a move puts behind the stations that stay, at the places where it would stand.
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
@@ -250,18 +251,22 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
         cost_before = costs[q, counts[q]]
-        cost_after = _cost(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals)
+        cost_after = _cost(routes, q, second, second_since, second_count, leads, apart, paces, ages, costs, arrivals)
         if r != q:
             cost_before += costs[r, counts[r]]
-            cost_after += _cost(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals)
+            cost_after += _cost(routes, r, first, first_since, first_count, leads, apart, paces, ages, costs, arrivals)
         # A plan of the same cost is taken too: it may lead on to better ones.
         if cost_after > cost_before:
             continue
         counts[q] = second_count
-        _note(routes, q, second, second_since, second_count, leads, apart, ages, costs, arrivals, owner, position)
+        _note(
+            routes, q, second, second_since, second_count, leads, apart, paces, ages, costs, arrivals, owner, position
+        )
         if r != q:
             counts[r] = first_count
-            _note(routes, r, first, first_since, first_count, leads, apart, ages, costs, arrivals, owner, position)
+            _note(
+                routes, r, first, first_since, first_count, leads, apart, paces, ages, costs, arrivals, owner, position
+            )
     total = 0.0
     for r in range(robots):
         total += costs[r, counts[r]]
@@ -269,7 +274,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
 
 
 @njit(types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64), cache=True, nogil=True)
-def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
+def improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, seed):
     """Improve a plan.
 
     Args:
@@ -277,14 +282,15 @@ def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
         counts: int64 (robots,), how many these are; each station is in one route. Changed in place.
         pinned: bool (robots,), whether the first station of each route stays.
         leads: float64 (robots, stations), time until each robot could be at each station, s.
-        apart: float64 (stations, stations), time that a robot takes from each station to each, s.
+        apart: float64 (stations, stations), length of the way from each station to each, m.
+        paces: float64 (robots,), time that each robot takes for a metre, s.
         ages: float64 (stations,), weighted age of each station now, s.
         near: int64 (stations, n), the nearest stations of each.
         moves: How many moves are tried.
         seed: Of the draws.
     """
     state = np.array([seed], dtype=np.uint64)
-    _improve(routes, counts, pinned, leads, apart, ages, near, moves, state)
+    _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, state)
 
 
 @njit(
@@ -292,7 +298,9 @@ def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
     cache=True,
     nogil=True,
 )
-def compare(routes, counts, pinned, robot, choices, leads, apart, ages, near, moves, seed, plans, plan_counts, costs):
+def compare(
+    routes, counts, pinned, robot, choices, leads, apart, paces, ages, near, moves, seed, plans, plan_counts, costs
+):
     """Find for each of some stations the plan in which one robot visits it first.
 
     Args:
@@ -303,6 +311,7 @@ def compare(routes, counts, pinned, robot, choices, leads, apart, ages, near, mo
         choices: int64 (n,), the stations.
         leads: As for `improve`.
         apart: As for `improve`.
+        paces: As for `improve`.
         ages: As for `improve`.
         near: As for `improve`.
         moves: How many moves are tried for each.
@@ -330,5 +339,5 @@ def compare(routes, counts, pinned, robot, choices, leads, apart, ages, near, mo
         plan_counts[c, robot] = route_length + 1
         # The same draws for each choice, so that costs differ by the choice and not by luck.
         state = np.array([seed], dtype=np.uint64)
-        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, near, moves, state)
+        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, paces, ages, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

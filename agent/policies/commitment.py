@@ -8,6 +8,7 @@ it shares none (`agent.policies.choice`). Now and then a robot that chooses free
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from agent.policies.choice import FreeChoice
@@ -17,6 +18,7 @@ from agent.ports import Bearing, Intent, Place, State, Stay
 from patrol.scenario import CommitmentOptions
 
 if TYPE_CHECKING:
+    from agent.policies.pursuit import Leg
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
@@ -106,10 +108,16 @@ class Commitment:
             across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
                 return Bearing((math.atan2(up, across),), wander=wander, state=state, figures=figures)
-        exact = target.age > 0
-        return Place(
-            *way.place, bend=way.bend, wander=wander, exact=exact, gives_room=True, state=state, figures=figures
+        place = Place(
+            *way.place,
+            bend=way.bend,
+            wander=wander,
+            exact=target.age > 0,
+            gives_room=True,
+            state=state,
+            figures=figures,
         )
+        return place if target.leg is None else _along(place, target.leg)
 
     def _state_of(self, is_free: bool) -> State:
         """Return the state to report for a robot that goes by a free choice, or by the shared round."""
@@ -117,3 +125,9 @@ class Commitment:
 
     def _update_round(self, view: View, goes_on: bool) -> None:
         """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""
+
+
+def _along(place: Place, leg: Leg) -> Place:
+    """Return a place that is reached by a leg of a plan, at whose end it lies."""
+    bend = leg.spot if place.bend == (place.x, place.y) else place.bend
+    return replace(place, x=leg.spot[0], y=leg.spot[1], bend=bend, step=leg.step, others=leg.others)

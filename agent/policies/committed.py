@@ -43,7 +43,7 @@ import numpy as np
 from agent.policies.pursuit import NO_NEARER_S, TRIES, Target
 from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from agent.policies.spacing import ZONE_SLACK, Spacing
-from patrol.measures.best_tour import most_planned
+from patrol.measures.best_tour import most_planned, why_no_tour
 from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
@@ -353,7 +353,9 @@ class Committed(SharedRound):
 
     Options = CommittedOptions
 
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> OnRound:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
+        if why_no_tour(self._setup.fleet.roster):
+            return self._free
         setup, spec, step = self._setup, self._setup.robot.spec, self._setup.fleet.step
         terrain, range_m = setup.ground.terrain, setup.ground.sight.range_m
         stride = max(spec.speed * step, terrain.point)

@@ -18,9 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from agent.ports import PolicySetup
+    from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
+    from patrol.pose import Command
+    from patrol.radio.peers import Peer
 
 
 LEFT_OUT_S = 20.0
@@ -102,13 +107,23 @@ class GivenUp:
 
 
 @dataclass(frozen=True, slots=True)
+class Leg:
+    """A piece of a way that was planned."""
+
+    spot: Spot  # its end, x and y in m
+    step: Command | None  # the first one, where the robot is on the way
+    others: Mapping[int, Peer] | None  # where other robots are now; None for where they were heard
+
+
+@dataclass(frozen=True, slots=True)
 class Target:
     """A place that a robot goes to see."""
 
     point: Point
     stand: Point  # the point to go to: the same, or its post where no body fits
-    age: int  # of the point when it was chosen, ticks
+    age: int  # of the point when it was chosen, ticks; 0 for a place that is only passed
     free: bool = False  # chosen freely, not on a round or from a plan
+    leg: Leg | None = None  # of the plan
 
 
 class Pursuit:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.fog import Fog
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts
-from patrol.measures.best_tour import MOST_ROBOTS, TourFinder, most_planned
+from patrol.measures.best_tour import MOST_ROBOTS, TourFinder
 from patrol.measures.zoned import ZonedGrounds, zone_weights
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.radio.message import as_received
@@ -176,14 +175,10 @@ def _not_drawn(prepared: Prepared) -> list[str]:
     if policy not in (PATROLS[STOCHASTIC].policy, PATROLS[TOUR].policy):
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
-    if why := TourFinder(prepared).why_no_rounds:
+    finder, is_drawn = TourFinder(prepared), isinstance(scenario.patrol, StochasticPatrol)
+    zoned = any(zone.weighs for zone in scenario.zones)
+    if why := finder.why_no_rounds if is_drawn and not zoned else finder.why_no_tour:
         return [f"{free}: {why}"]
-    if not isinstance(scenario.patrol, StochasticPatrol):
-        return []
-    limit = most_planned(float(prepared.patrolled.sum()) * scenario.point**2, scenario.sensor.range)
-    if scenario.team > limit and not scenario.zones:
-        than = f"more than {math.floor(limit)} share this ground" if limit >= 1.0 else "the ground is so small"
-        return [f"{free}, while {than} (docs/algorithm.md#drawn-stations)"]
-    if scenario.patrol.options.unpredictability == 0.0:
+    if isinstance(scenario.patrol, StochasticPatrol) and scenario.patrol.options.unpredictability == 0.0:
         return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]
     return []

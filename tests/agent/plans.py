@@ -56,12 +56,21 @@ def prepared_in(
     robots: Mapping[str, Any],
     *,
     speeds: Sequence[float] = (),
+    models: Sequence[str] = (),
+    spares: int = 0,
     **sections: Any,
 ) -> Prepared:
-    """A scenario with robots, equal but for speeds, that begin at these places, and reach what they do from there."""
+    """A scenario with robots, equal but for speeds and models, that begin at these places, and reach what they do.
+
+    The last ones are spare.
+    """
     roster: list[dict[str, Any]] = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
     for robot, speed in zip(roster, speeds, strict=False):
         robot["speed"] = speed
+    for robot, model in zip(roster, models, strict=False):
+        robot["model"] = model
+    for robot in roster[len(roster) - spares :]:
+        robot["spare"] = True
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
     scenario = load_scenario({**mapping, **sections})
     fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
@@ -120,12 +129,12 @@ class Robots:
         self.k += 1
         return decisions
 
-    def until(self, there: Callable[[], bool], ticks: int) -> None:
-        """Go on until something holds; fail when it takes more ticks."""
+    def until(self, there: Callable[[], bool], ticks: int, up: Sequence[int] | None = None) -> None:
+        """Go on until something holds, as `tick` does; fail when it takes more ticks."""
         for _ in range(ticks):
             if there():
                 return
-            self.tick()
+            self.tick(up)
         assert there(), [body.pose for body in self.bodies]
 
     def policy(self, kind: type[P], robot: int = 0) -> P:

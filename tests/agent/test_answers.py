@@ -9,7 +9,8 @@ import pytest
 
 from agent.answers import checked, policy_failure
 from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
-from patrol.pose import Drive, Velocity
+from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.radio.peers import Peer
 from runtime.messages.phases import MAX_STATE
 
 # Not the product's own, so that a wrong one there is noticed.
@@ -22,6 +23,7 @@ VALID: list[Intent] = [
     Bearing((), wander=7.0),
     Place(1.0, -2.0),
     Place(1, 2, bend=(3, 4), lean=(5.0, 6.0), state=State.SURROUNDING),
+    Place(1.0, -2.0, step=Twist(0.5, 0.1), others={2: Peer(4, Pose(1.0, 2.0, 0.0), 5)}),
     Stay(),
     Stay("waiting for others"),
     Stay("x" * MAX_STATE),
@@ -34,7 +36,7 @@ BAD: list[Any] = [math.nan, math.inf, -math.inf, "1", None, True, 1j, (1.0,), 2e
 
 @pytest.mark.parametrize("intent", VALID, ids=repr)
 def test_an_intent_that_can_be_used_is_passed_on_as_it_is(intent: Intent) -> None:
-    assert checked(intent) is intent
+    assert checked(intent, {1, 2}) is intent
 
 
 @pytest.mark.parametrize("other", [None, 3, "patrolling", (1.0, 2.0), {}, Velocity(1.0, 0.0), Stay])
@@ -51,6 +53,7 @@ WITH: dict[str, list[Callable[[Any], Intent]]] = {
     "Place y": [lambda value: Place(1.0, value)],
     "Place bend": [lambda value: Place(1.0, 2.0, bend=(1.0, value))],
     "Place lean": [lambda value: Place(1.0, 2.0, lean=(value, 2.0)), lambda value: Place(1.0, 2.0, lean=(1.0, value))],
+    "Place step": [lambda value: Place(1.0, 2.0, step=Twist(1.0, value))],
     "Steer command": [
         *(lambda value: Steer(Velocity(1.0, value)), lambda value: Steer(Velocity(value, 0.0))),
         *(lambda value: Steer(Drive(value, 0.0)), lambda value: Steer(Drive(0.0, value))),
@@ -96,6 +99,32 @@ def test_numbers_of_numpy_become_pythons() -> None:
 def test_a_random_direction_is_a_number_too(value: Any) -> None:
     with pytest.raises(PolicyFailed, match="returned Bearing with wander = "):
         checked(Bearing((), wander=value))
+
+
+@pytest.mark.parametrize("value", [1.0, "ahead", (1.0, 2.0)], ids=repr)
+def test_a_step_is_a_command_and_others_are_peers(value: Any) -> None:
+    with pytest.raises(PolicyFailed, match=r"returned Place with step = .*, which is no Velocity, Drive or Twist"):
+        checked(Place(1.0, 2.0, step=value))
+    for others in (value, {2: value}):
+        with pytest.raises(PolicyFailed, match=r"returned Place with others = .*; give a mapping from numbers of"):
+            checked(Place(1.0, 2.0, others=others), {1, 2})
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        {3: Peer(4, Pose(1.0, 2.0, 0.0), 5)},
+        {10**7: Peer(4, Pose(1.0, 2.0, 0.0), 5)},
+        {"2": Peer(4, Pose(1.0, 2.0, 0.0), 5)},
+        {2: Peer(4, Pose(math.nan, 2.0, 0.0), 5)},
+        {2: Peer(2**70, Pose(1.0, 2.0, 0.0), 5)},
+        {2: Peer(4, None, 5)},  # type: ignore[arg-type]
+    ],
+    ids=["no robot", "large", "text", "no place", "no tick", "no pose"],
+)
+def test_others_are_robots_of_the_fleet_at_a_place(others: Any) -> None:
+    with pytest.raises(PolicyFailed, match=r"returned Place with others = .*; give a mapping from numbers of"):
+        checked(Place(1.0, 2.0, others=others), {1, 2})
 
 
 @pytest.mark.parametrize("value", [None, 1.0, "ahead", {1.0}, (1.0, 2.0)], ids=repr)

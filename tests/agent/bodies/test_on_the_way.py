@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from agent.ports import Place
+from agent.ports import Place, PolicyFailed, Stay
 from agent.routes.ground import Disc
+from agent.view import View
 from patrol.ground.terrain import Terrain
-from patrol.pose import MODELS, Pose
+from patrol.pose import MODELS, Command, Drive, Pose, Twist, Velocity
+from patrol.radio.peers import Peer
 from tests.agent.minds import STEP
-from tests.agent.plans import POINT, Robots, plan, prepared_in
+from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
 
 HALL = plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0))
 
@@ -82,3 +84,77 @@ def test_a_differential_robot_drives_straight_across_a_hall(askew: float) -> Non
     robots = Robots(prepared_in(hall, [Pose(*start, bearing + askew)], body), Place(*end))
     needs_s = math.dist(start, end) / speed + abs(askew) * 0.3 / speed
     robots.until_near(end, 0.15, round(1.03 * needs_s / STEP))
+
+
+# --- a step and other robots' places that come with a place ----------------------------------------------------------
+
+
+COMMANDS: dict[str, Command] = {
+    "holonomic": Velocity(0.3, 0.4),
+    "differential": Twist(0.4, 0.2),
+    "car": Drive(-0.5, 0.3),
+}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_step_that_comes_with_a_place_is_taken(model: str) -> None:
+    command = COMMANDS[model]
+    robots = robots_in_hall(model, Pose(6.0, 4.0, 0.0), Place(12.0, 4.0, step=command, gives_room=True))
+    (decision,) = robots.tick()
+    assert decision.command.numbers == pytest.approx(command.numbers)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_step_into_a_wall_is_not_taken_but_one_towards_the_place(model: str) -> None:
+    into: dict[str, Command] = {
+        "holonomic": Velocity(0.0, -1.0),
+        "differential": Twist(-1.0, 0.0),
+        "car": Drive(-1.0, 0.0),
+    }
+    place = Place(7.0, 6.0, step=into[model], gives_room=True)
+    robots = robots_in_hall(model, Pose(7.0, 0.3, 0.5 * math.pi), place)
+    robots.tick()
+    assert robots.bodies[0].pose.y > 0.5
+    assert robots.bodies[0].collisions == 0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_step_into_another_robot_is_not_taken(model: str) -> None:
+    commands: dict[str, Command] = {
+        "holonomic": Velocity(1.0, 0.0),
+        "differential": Twist(1.0, 0.0),
+        "car": Drive(1.0, 0.0),
+    }
+    body = {"model": model, "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
+    ready = prepared_in(HALL, [Pose(2.0, 4.0, 0.0), Pose(4.0, 4.0, 0.0)], body)
+    robots = Robots(ready, Place(10.0, 4.0, step=commands[model], gives_room=True), Stay())
+    for _ in range(30):
+        robots.tick()
+    assert [body.collisions for body in robots.bodies] == [0, 0]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_others_are_where_the_policy_knows_them_to_be(model: str) -> None:
+    """One that nobody hears stands in the way of a robot whose policy knows where."""
+    body = {"model": model, "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
+    ready = prepared_in(HALL, [Pose(2.0, 4.0, 0.0), Pose(6.0, 4.0, 0.0)], body)
+    bumps = []
+    for knows in (True, False):
+        robots = Robots(ready, Stay(), Stay())
+        robots.is_lost = lambda _k, _sender, _hearer: True
+
+        def to_the_right(view: View, knows: bool = knows) -> Place:
+            others = {2: Peer(view.tick, Pose(6.0, 4.0, 0.0), view.tick)} if knows else {}
+            return Place(12.0, 4.0, gives_room=True, others=others)
+
+        robots.minds[0].policy = Says(to_the_right)
+        for _ in range(40):
+            robots.tick()
+        bumps.append(robots.bodies[0].collisions)
+    assert bumps[0] == 0 < bumps[1]
+
+
+def test_a_step_of_another_kind_is_a_failure_of_the_policy() -> None:
+    robots = robots_in_hall("car", Pose(6.0, 4.0, 0.0), Place(12.0, 4.0, step=Twist(1.0, 0.0)))
+    with pytest.raises(PolicyFailed, match=r"returned Place\(Twist\) for a car; give a Drive"):
+        robots.tick()

@@ -15,7 +15,7 @@ import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, rounds_of
+from patrol.measures.best_tour import BestTour, PartTour, TourFinder, best_tour, followers_of, rounds_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
@@ -236,14 +236,19 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
     assert best_tour(prepared()).length_m is not None
 
 
-def test_ground_that_is_seen_from_one_place_and_large_fleets_have_no_round(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
     rooms = prepared(door=False, speeds=ALIKE, range=30.0)
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
     assert rounds_of(rooms)[1] is None
     assert rounds_of(prepared(speeds=ALIKE))[1] is not None
-    assert rounds_of(prepared())[1] is None, "robots of several speeds"
+    assert rounds_of(prepared())[1] is not None, "robots of several speeds"
+
+
+def test_large_fleets_and_robots_of_several_speeds_follow_no_tour(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not TourFinder(prepared(speeds=ALIKE)).why_no_tour
+    assert TourFinder(prepared()).why_no_tour == "its robots have several speeds"
     monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert rounds_of(prepared(speeds=ALIKE))[1] is None
+    assert TourFinder(prepared(speeds=ALIKE)).why_no_tour == "the fleet has more than 1 robots"
 
 
 def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,12 +22,13 @@ class Fleet:
 
     leads: NDArray[np.float64]
     apart: NDArray[np.float64]
+    paces: NDArray[np.float64]
     ages: NDArray[np.float64]
     near: Whole
 
     @property
-    def inputs(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Whole]:
-        return self.leads, self.apart, self.ages, self.near
+    def inputs(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], Whole]:
+        return self.leads, self.apart, self.paces, self.ages, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:
         """The cost of a plan, in plain Python."""
@@ -35,7 +37,7 @@ class Fleet:
             at_s = 0.0
             for i, station in enumerate(routes[robot, :count]):
                 before = routes[robot, i - 1]
-                at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station]
+                at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station] * self.paces[robot]
                 total += float(self.ages[station] + at_s) ** 8
         return total
 
@@ -45,7 +47,9 @@ def fleet_of(dice: np.random.Generator, robots: int, stations: int) -> Fleet:
     apart = np.sqrt(((spots[:, None] - spots[None]) ** 2).sum(axis=2))
     leads = np.sqrt(((places[:, None] - spots[None]) ** 2).sum(axis=2))
     near = np.ascontiguousarray(np.argsort(apart, axis=1)[:, 1:9])
-    return Fleet(leads, apart, dice.uniform(0, 60, stations), near)
+    ages = dice.uniform(0, 60, stations)
+    paces = np.ones(1) if robots == 1 else dice.uniform(0.5, 2.0, robots)
+    return Fleet(leads, apart, paces, ages, near)
 
 
 def plan_of(dice: np.random.Generator, robots: int, stations: int) -> tuple[Whole, Whole]:
@@ -114,7 +118,7 @@ def test_the_oldest_points_of_stations_are_those_of_all_their_points_whatever_wa
     for tick in range(4, 30):
         oldest_ages(points, begins, patrolled, last_seen, tick, 0.5, witnesses, ages)
         each = np.empty(16)
-        weighted_ages(points, patrolled, last_seen, last_seen, np.zeros((0, 0)), tick, 0.5, each)
+        weighted_ages(points, patrolled, last_seen, np.zeros((0, 0)), tick, 0.5, each)
         assert ages.tolist() == np.maximum.reduceat(each, begins[:-1]).tolist()
         looked = np.where(dice.random(shape) < 0.2, np.int32(tick - dice.integers(0, 2)), np.int32(-1))
         np.maximum(last_seen, looked, out=last_seen)

@@ -1,0 +1,196 @@
+"""Drawing stations by what is believed: all robots hear each other, and so find the same without a word.
+
+Every robot works out the parts of all. All believe nearly the same fog, hear where the others are, and draw the same
+numbers, so each can work out what *all* will do, and take its own part. What happens is taken into account at once,
+such as a robot that charges, or a closed door.
+
+*Agreeing again*: a lost position makes robots believe different things. So a draw stays the same for a while, and a
+robot that is seen to go elsewhere than was worked out is worked out anew. At the begin of a period, and whenever other
+robots are heard, all begin from where the robots are. Where many positions are lost, that is not enough
+(`agent.policies.common_plan.following`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agent.policies.common_plan.drawing import PERIOD_S, SPELL, Drawing, Parts
+from agent.policies.common_plan.stations import StationAges
+from agent.policies.pursuit import Target
+from agent.policies.shared_round import RoundStands
+from patrol.radio.peers import columns_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from agent.policies.commitment import Choice
+    from agent.policies.common_plan.drawing import Leads, Part
+    from agent.policies.common_plan.stations import Ages, Group, KnownStations
+    from agent.policies.pursuit import GivenUp, Pursuit
+    from agent.ports import PolicySetup
+    from agent.routes.ground import Spot
+    from agent.routes.routes import Element, Way
+    from agent.view import View
+    from patrol.tours.round import Round
+
+TURNED = 0.4
+"""A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
+
+
+@dataclass(slots=True, eq=False)
+class FleetParts:
+    """The parts of all robots as of one tick. Robots of one process that have worked out the same ones share them."""
+
+    drawing: Drawing | None = None  # None before the first tick
+    parts: Parts = field(default_factory=Parts)
+    period: int = -1
+
+
+NO_PARTS = FleetParts()
+
+
+@dataclass(slots=True)
+class WorkedOut:
+    """The parts that the robots of one process have worked out in a tick, by all that they follow from."""
+
+    tick: int = -1
+    parts: dict[tuple[object, ...], FleetParts] = field(default_factory=dict)
+
+
+class Believed:
+    """The choice of one robot's stations by what it believes."""
+
+    def __init__(self, setup: PolicySetup, laid_out: Round, free: Choice) -> None:
+        """Begin without a station."""
+        self._setup, self._free = setup, free
+        self._stands = RoundStands(setup, laid_out)
+        self._fleet = NO_PARTS
+        self._worked_out: WorkedOut = setup.ground.scratch.setdefault("parts of fleets", WorkedOut())
+        self._drawings: dict[tuple[object, ...], Drawing] = setup.ground.scratch.setdefault("drawings", {})
+        self._known: KnownStations | None = None
+        self._ages: StationAges | None = None
+        self._number, self._step = setup.robot.spec.number, setup.fleet.step
+        self._width = setup.ground.terrain.width
+        self._turned_s = TURNED * setup.ground.sight.range_m / setup.robot.spec.speed
+        regular = [spec.speed for spec in setup.fleet.roster if not spec.spare]
+        self._spell_s = SPELL * laid_out.length_m / sum(regular)
+
+    def forget(self) -> None:
+        """Begin anew at the next tick."""
+        self._fleet = NO_PARTS
+
+    def note(self, view: View, pursuit: Pursuit, group: Group) -> bool:
+        """Draw the next station of each robot that has seen its own; return True if none is left for this one."""
+        before = self._station
+        if group.known is not self._known:
+            self._known, self._ages, self._fleet = group.known, StationAges(group.known, self._step), NO_PARTS
+        self._go_on(view, group)
+        if (station := self._station) != before:
+            pursuit.target = None
+        return station is None
+
+    def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
+        """Commit to the oldest point of the robot's station, and return the way there, or that of a free choice."""
+        if (station := self._station) is not None:
+            visit = self._visit(view, station, pursuit.given_up)
+            if visit is not None and (way := pursuit.go_to(view, start, visit)) is not None:
+                return way
+        # No way leads there now. Another robot may stand in the door, and the two would wait for each other.
+        return self._free.next(view, start, pursuit)
+
+    @property
+    def _station(self) -> int | None:
+        own_part = self._fleet.parts.each.get(self._number)
+        return own_part.route[0] if own_part is not None and own_part.route else None
+
+    def _visit(self, view: View, station: int, given_up: GivenUp) -> Target | None:
+        """Return the oldest point of a station that the robot has not given up; None where there is none."""
+        known = self._known
+        assert known is not None
+        span = known.span(station)
+        ages = self._ages_of(view, span)
+        stands, usable = self._stands.of(view, given_up, slice(known.first + span.start, known.first + span.stop))
+        # Below every age, so that no stand that is not usable is chosen.
+        ages[~usable] = -1.0
+        oldest = int(ages.argmax())
+        if ages[oldest] < 0.0:
+            return None
+        point, stand = int(known.points[span][oldest]), int(stands[oldest])
+        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
+        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+
+    def _ages_of(self, view: View, some: slice) -> Ages:
+        assert self._ages is not None
+        return self._ages.of_points(some, view.tick, view.fog.patrolled, view.fog.last_seen)
+
+    def _go_on(self, view: View, group: Group) -> None:
+        # A peer as an object takes longer than all that is asked of it here.
+        peers = columns_of(view.peers)
+        rows = zip(peers.numbers.tolist(), peers.places.tolist(), strict=True)
+        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in rows if number in group.robots}
+        places[self._number] = view.reported.x, view.reported.y
+        robots = tuple(sorted(places))
+        spots = [places[number] for number in robots]
+        question = view.fog.identity, id(group.known), self._fleet, *robots, *spots
+        if self._worked_out.tick != view.tick:
+            self._worked_out.tick, self._worked_out.parts = view.tick, {}
+        parts = self._worked_out.parts
+        if question not in parts:
+            parts[question] = self._work_out(view, group.known, robots, np.array(spots))
+        self._fleet = parts[question]
+
+    def _work_out(
+        self, view: View, known: KnownStations, robots: tuple[int, ...], places: NDArray[np.float64]
+    ) -> FleetParts:
+        """Return the parts after these ones, in which each robot that has seen its station goes to another."""
+        before, period = self._fleet, int(view.tick * self._step / PERIOD_S)
+        drawing = self._find_drawing(known, robots)
+        leads, assumed = drawing.leads_s(places), self._ages
+        assert assumed is not None
+        spell = int(view.tick * self._step / self._spell_s)
+
+        def draw(number: int, choice: int) -> float:
+            return self._setup.fleet.chance(spell, number, choice)
+
+        def oldest() -> Ages:
+            return assumed.of_stations(view.tick, view.fog.patrolled, view.fog.last_seen)
+
+        if drawing is not before.drawing or period != before.period:
+            return FleetParts(drawing, drawing.begin(view.tick, oldest(), leads, draw), period)
+        fleet = FleetParts(drawing, before.parts.copy(), period)
+        parts, ways = fleet.parts.each, dict(zip(robots, leads, strict=True))
+        arrived = [number for number in robots if self._is_done(view, fleet, parts[number])]
+        turned = [
+            number for number in robots if number not in arrived and self._has_turned(parts[number], ways[number])
+        ]
+        if arrived or turned:
+            idle = [number for number in robots if not parts[number].route]
+            drawing.draw(fleet.parts, sorted([*arrived, *turned, *idle]), arrived, view.tick, oldest(), leads, draw)
+        return fleet
+
+    def _find_drawing(self, known: KnownStations, robots: tuple[int, ...]) -> Drawing:
+        question = id(known), robots
+        if question not in self._drawings:
+            roster = self._setup.fleet.roster
+            self._drawings[question] = Drawing(self._setup, known, [roster[number - 1] for number in robots])
+        return self._drawings[question]
+
+    def _is_done(self, view: View, fleet: FleetParts, part: Part) -> bool:
+        """Return True if a robot's station has been seen, or is taken as given up."""
+        if not part.route:
+            return False
+        assert fleet.drawing is not None
+        return view.tick >= part.until or fleet.drawing.is_done(
+            fleet.parts, part, lambda some: self._ages_of(view, some)
+        )
+
+    def _has_turned(self, part: Part, ways_s: Leads) -> bool:
+        """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
+        if not part.route:
+            return False
+        way_s = float(ways_s[part.route[0]])
+        part.least_way_s = min(part.least_way_s, way_s)
+        return way_s > part.least_way_s + self._turned_s

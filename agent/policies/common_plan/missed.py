@@ -1,0 +1,76 @@
+"""Points that a robot has missed of its part of the plan: its planned robot saw them from where it has not been."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agent.policies.pursuit import Target
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from agent.policies.common_plan.plan import CommonPlan
+    from agent.policies.pursuit import GivenUp
+    from agent.ports import PolicySetup
+    from agent.view import View
+
+OVERDUE = 2.0
+"""A missed point is gone to after so many times the time between two robots on the tour, unless the plan leads there
+within the next one. One that was missed twice, as where something stands in the way of the plan, is gone to at once."""
+
+
+class Missed:
+    """The points that one robot has missed of one plan."""
+
+    def __init__(self, setup: PolicySetup, plan: CommonPlan, number: int) -> None:
+        """Begin with none."""
+        fields, self._terrain = setup.ground.fields, setup.ground.terrain
+        self._plan, self._number = plan, number
+        # Flat indices; when they should have been seen first; and whether they should have been again.
+        self._points, self._due = np.empty((2, 0), dtype=np.int64)
+        self._again = np.empty(0, dtype=np.bool_)
+        own = np.arange(fields.reach.size)
+        self._stands = np.where(fields.reach.reshape(-1), own, fields.proxy.reshape(-1))
+        self._interval = plan.interval_s / plan.step  # in ticks
+        self._chosen: int | None = None
+
+    def skip(self, first: int, until: int, view: View) -> None:
+        """Note what is seen in the plan at some ticks in a row that the robot has left out."""
+        last_seen = view.fog.last_seen.reshape(-1)
+        for tick in range(max(first, self._plan.since), until):
+            seen = self._plan.seen_by(self._number, tick)
+            unseen = seen[last_seen[seen] < tick]
+            self._again |= np.isin(self._points, unseen) & (tick - self._due > 0.5 * self._interval)
+            new = np.setdiff1d(unseen, self._points)
+            self._points = np.append(self._points, new)
+            self._due = np.append(self._due, np.full(new.size, tick))
+            self._again = np.append(self._again, np.zeros(new.size, dtype=np.bool_))
+
+    def find(self, view: View, given_up: GivenUp) -> Target | None:
+        """Return the point to go to now, the same until it has been seen; None where nothing is overdue."""
+        points, due = self._points, self._due
+        if not points.size:
+            return None
+        seen, patrolled = view.fog.last_seen.reshape(-1)[points], view.fog.patrolled.reshape(-1)[points]
+        stands = self._stands[points]
+        is_left = (seen < due) & patrolled & (stands >= 0)
+        if given_up.now(view.tick).size:
+            is_left &= ~given_up.covers(view.tick, stands, self._terrain.width)
+        self._points, self._due, self._again = points[is_left], due[is_left], self._again[is_left]
+        if self._chosen is None or self._chosen not in self._points:
+            is_ahead = self._plan.last_seen.reshape(-1)[self._points] > view.tick
+            is_due = (view.tick - self._due > OVERDUE * self._interval) & ~is_ahead
+            overdue = self._points[is_due | self._again]
+            self._chosen = self._find_nearest(view, overdue) if overdue.size else None
+        if self._chosen is None:
+            return None
+        width = self._terrain.width
+        stand, age = int(self._stands[self._chosen]), view.tick - max(int(view.fog.last_seen.flat[self._chosen]), 0)
+        return Target(divmod(self._chosen, width), divmod(stand, width), max(age, 1))
+
+    def _find_nearest(self, view: View, points: NDArray[np.int64]) -> int:
+        row, col = view.point_of((view.pose.x, view.pose.y))
+        away = (points // self._terrain.width - row) ** 2 + (points % self._terrain.width - col) ** 2
+        return int(points[away.argmin()])

@@ -1,0 +1,168 @@
+"""The stations of a round, the ways between them, and the groups of robots that share them.
+
+In a large fleet groups of neighbours plan for themselves, each on a stretch of the round, so that what a robot works
+out does not grow with the fleet. The roster says who is in which group. When half of a group is lost, all that live
+are put into groups anew.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.kernels.plan import oldest_ages, weighted_ages
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from patrol.ground.terrain import Terrain
+    from patrol.pose import Pose
+    from patrol.scenario import RobotSpec
+    from patrol.tours.round import Round
+
+NEAR = 8
+"""Stations that moves put beside each other are at most so many nearest ones apart."""
+
+NO_WAY_M = 1e6
+"""Length that stands for no way at all, m."""
+
+MOST_TOGETHER = 16
+"""Robots of the largest group that plans together."""
+
+Ages = NDArray[np.float64]
+
+NO_WEIGHTS = np.zeros((0, 0))
+"""Given to the kernels where all points count the same."""
+
+
+class KnownStations:
+    """The stations of a round, or of a stretch of it, and the ways between them."""
+
+    def __init__(self, laid_out: Round, weights: NDArray[np.float64] | None = None) -> None:
+        """Take those of a round; ``weights`` (height, width) are None where all points count alike."""
+        stations = laid_out.stations
+        assert stations is not None
+        self.points, self.stands, self.spots, self.begins = (
+            laid_out.points,
+            laid_out.stands,
+            stations.spots,
+            stations.begins,
+        )
+        self.around = stations.around
+        self.length_m = laid_out.length_m
+        self.first = 0  # number in the round of the first point
+        self.weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self.points].min()
+        self._set_ways(stations.apart_m)
+
+    def _set_ways(self, apart_m: NDArray[np.float64]) -> None:
+        self.apart_m = np.ascontiguousarray(np.minimum(apart_m, NO_WAY_M))
+        nearest = np.argsort(self.apart_m, axis=1, kind="stable")
+        # Each station is the nearest to itself.
+        self.near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
+
+    def __len__(self) -> int:
+        return len(self.spots)
+
+    def span(self, station: int) -> slice:
+        """Return where the points of a station are among those of the round."""
+        return slice(*self.begins[station : station + 2].tolist())
+
+    def stretch(self, first: int, until: int) -> KnownStations:
+        """Return some stations in a row as if there were no others."""
+        part = object.__new__(KnownStations)
+        points = slice(int(self.begins[first]), int(self.begins[until]))
+        part.points, part.stands, part.spots = self.points[points], self.stands[points], self.spots[first:until]
+        part.begins = self.begins[first : until + 1] - self.begins[first]
+        is_within = (self.around >= first) & (self.around < until)
+        part.around = np.where(is_within, self.around - np.int32(first), np.int32(-1))
+        part.length_m = self.length_m * (until - first) / len(self)
+        part.weights, part.first = self.weights, self.first + points.start
+        part._set_ways(self.apart_m[first:until, first:until])
+        return part
+
+
+class StationAges:
+    """The ages of the stations, by when each point was last seen."""
+
+    def __init__(self, known: KnownStations, step: float) -> None:
+        """Keep what tells at most looks how old a station is; ``step`` is in s per tick."""
+        self._known, self._step = known, step
+        self._counted: NDArray[np.bool_] | None = None
+        self._witnesses = np.empty((len(known), 2), dtype=np.int64)
+
+    def of_points(self, some: slice, tick: int, counted: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Ages:
+        """Return the weighted ages of some of the round's points, s; 0 for those that do not count, and in view."""
+        points = self._known.points[some]
+        ages = np.empty(points.size)
+        weighted_ages(points, counted, last_seen, self._known.weights, tick, self._step, ages)
+        return ages
+
+    def of_stations(self, tick: int, counted: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Ages:
+        """Return the weighted age of the oldest point of each station, s."""
+        known = self._known
+        if known.weights.size:
+            return np.maximum.reduceat(self.of_points(slice(None), tick, counted, last_seen), known.begins[:-1])
+        if counted is not self._counted:
+            self._counted, self._witnesses[:] = counted, -1
+        ages = np.empty(len(known))
+        oldest_ages(known.points, known.begins, counted, last_seen, tick, self._step, self._witnesses, ages)
+        return ages
+
+
+class Group(NamedTuple):
+    """Robots that plan together, and the stations that they share."""
+
+    robots: frozenset[int]
+    known: KnownStations
+
+
+class Groups:
+    """The groups of the robots on a round."""
+
+    def __init__(
+        self, known: KnownStations, roster: Sequence[RobotSpec], starts: Sequence[Pose], terrain: Terrain
+    ) -> None:
+        """Take all robots, whose starts are in the order of their numbers."""
+        self.known = known
+        rows, cols = np.divmod(known.spots, terrain.width)
+        self._speeds = {spec.number: spec.speed for spec in roster}
+        self._first_station = {}
+        for spec, start in zip(roster, starts, strict=True):
+            row, col = terrain.nearest_point(start.x, start.y)
+            self._first_station[spec.number] = int(((rows - row) ** 2 + (cols - col) ** 2).argmin())
+        self._divided: dict[frozenset[int], list[Group]] = {}
+
+    def find(self, number: int, team: frozenset[int], living: frozenset[int]) -> Group:
+        """Return the group of a robot that lives, with those of its robots that live.
+
+        ``team`` are the robots that there are when all live.
+        """
+        groups = self._divide(team)
+        if not living <= team or any(2 * len(group.robots & living) <= len(group.robots) for group in groups):
+            groups = self._divide(living)
+        group = next(group for group in groups if number in group.robots)
+        return Group(group.robots & living, group.known)
+
+    def _divide(self, robots: frozenset[int]) -> list[Group]:
+        if robots not in self._divided:
+            count = math.ceil(len(robots) / MOST_TOGETHER)
+            if count == 1:
+                groups = [Group(robots, self.known)]
+            else:
+                groups = self._cut(sorted(robots, key=lambda number: (self._first_station[number], number)), count)
+            self._divided[robots] = groups
+        return self._divided[robots]
+
+    def _cut(self, numbers: list[int], count: int) -> list[Group]:
+        """Give some robots in a row stations in a row, as many as they have speed."""
+        ends = [(index + 1) * len(numbers) // count for index in range(count)]
+        passed = np.cumsum([self._speeds[number] for number in numbers])
+        untils = [round(len(self.known) * passed[end - 1] / passed[-1]) for end in ends]
+        begins, firsts = [0, *ends[:-1]], [0, *untils[:-1]]
+        return [
+            Group(frozenset(numbers[begin:end]), self.known.stretch(first, until))
+            for begin, end, first, until in zip(begins, ends, firsts, untils, strict=True)
+        ]

@@ -1,0 +1,93 @@
+"""Groups of a large fleet: each station is one group's, and a death changes the plan of its own group alone."""
+
+import numpy as np
+import pytest
+
+from agent.policies.common_plan import stations as module
+from agent.policies.common_plan.stations import Group, Groups, KnownStations
+from patrol.measures.best_tour import rounds_of
+from patrol.pose import Pose
+from patrol.prepare import Prepared
+from tests.agent.plans import prepared_in, two_rooms
+from tests.present import present
+
+ALL = frozenset(range(1, 7))
+
+
+def prepared(speeds: tuple[float, ...] = (1.0,) * 6) -> Prepared:
+    starts = [Pose(1.0 + 4.0 * i, 4.0, 0.0) for i in range(6)]
+    robots = {"radius": 0.2, "speed": 1.0}
+    return prepared_in(two_rooms(), starts, robots, speeds=speeds, sensor={"range": 2.0})
+
+
+def groups_of(ready: Prepared) -> Groups:
+    known = KnownStations(present(rounds_of(ready)[1]))
+    return Groups(known, ready.scenario.roster, ready.starts, ready.terrain)
+
+
+@pytest.fixture
+def groups(monkeypatch: pytest.MonkeyPatch) -> Groups:
+    monkeypatch.setattr(module, "MOST_TOGETHER", 2)
+    return groups_of(prepared())
+
+
+def all_of(groups: Groups, team: frozenset[int], living: frozenset[int]) -> list[Group]:
+    distinct = {id(group.known): group for number in sorted(living) if (group := groups.find(number, team, living))}
+    return list(distinct.values())
+
+
+def test_few_robots_are_one_group() -> None:
+    groups = groups_of(prepared())
+    assert groups.find(3, ALL, ALL) == Group(ALL, groups.known)
+
+
+def test_each_robot_and_each_point_is_in_one_group(groups: Groups) -> None:
+    found = all_of(groups, ALL, ALL)
+    assert sorted(number for group in found for number in group.robots) == sorted(ALL)
+    points = np.concatenate([group.known.points for group in found])
+    assert sorted(points.tolist()) == sorted(groups.known.points.tolist())
+    assert sum(group.known.length_m for group in found) == pytest.approx(groups.known.length_m)
+
+
+def test_a_stretch_is_the_round_without_the_other_stations(groups: Groups) -> None:
+    known = groups.known
+    part = known.stretch(2, 7)
+    assert len(part) == 5
+    assert part.apart_m.tolist() == known.apart_m[2:7, 2:7].tolist()
+    for station in range(5):
+        assert part.points[part.span(station)].tolist() == known.points[known.span(2 + station)].tolist()
+        assert (part.around.flat[part.points[part.span(station)]] == station).all()
+    assert np.count_nonzero(part.around >= 0) == part.points.size
+
+
+def test_neighbours_are_together(groups: Groups) -> None:
+    """The first stations of two robots of one group are nearer along the round than those of two of different ones."""
+    assert groups.find(1, ALL, ALL).robots != groups.find(6, ALL, ALL).robots
+
+
+def test_fast_robots_get_more_stations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_TOGETHER", 1)
+    groups = groups_of(prepared(speeds=(2.0, 1.0, 1.0, 1.0, 1.0, 1.0)))
+    sizes = {number: len(groups.find(number, ALL, ALL).known) for number in ALL}
+    assert sizes[1] > 1.5 * max(sizes[number] for number in ALL - {1})
+
+
+def test_a_death_changes_its_own_group_alone_until_half_of_one_is_lost(
+    groups: Groups, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_TOGETHER", 3)
+    before = {number: groups.find(number, ALL, ALL) for number in ALL}
+    lost = min(before[1].robots)
+    living = ALL - {lost}
+    for number in living:
+        after = groups.find(number, ALL, living)
+        assert after == Group(before[number].robots - {lost}, before[number].known)
+    living -= {min(before[1].robots - {lost})}
+    anew = all_of(groups, ALL, living)
+    assert sorted(number for group in anew for number in group.robots) == sorted(living)
+    assert sum(len(group.known) for group in anew) == len(groups.known)
+
+
+def test_a_robot_that_joins_is_in_a_group(groups: Groups) -> None:
+    team = ALL - {4}
+    assert 4 in groups.find(4, team, ALL).robots
