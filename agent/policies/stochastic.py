@@ -85,11 +85,15 @@ class Drawn:
         """Take note of a tick; return True if the robot chooses freely."""
         living = self._living.note(view) & self._robots
         team = self._regular & self._robots
-        if len(team) > 1 and len(self._groups.known) < LEAST_STATIONS * len(team):
+        # With zones, what weighs is to be visited however crowded robots are.
+        is_small = self._on_plan is not None and len(self._groups.known) < LEAST_STATIONS * len(team)
+        if is_small and len(team) > 1:
             self._choice = None
             return True
         group = self._groups.find(self._number, team, living)
-        choice = self._believed if self._living.hears_well else self._on_plan
+        # With zones there is no common plan, and one that hears nobody draws for itself alone.
+        draws = self._living.hears_well or (self._on_plan is None and not view.peers)
+        choice = self._believed if draws else self._on_plan
         if choice is None or not len(group.known):
             self._choice = None
             return True
