@@ -83,7 +83,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "Every # s (`HOUR_S`)", (following.HOUR_S,)),
     ("algorithm", "at # ticks a tick (`CATCH_UP`)", (following.CATCH_UP,)),
     ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
-    ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`)", (stochastic.LEAST_STATIONS,)),
+    ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`;", (stochastic.LEAST_STATIONS,)),
     ("algorithm", "than # (`CROWDED`)", (best_tour.CROWDED,)),
     (
         "algorithm",
