@@ -175,7 +175,7 @@ RUNS: dict[str, dict[str, Any]] = {
     "trapped": {
         "duration": 200,
         "robots": [BODY, {**BODY, "speed": 0.01}],
-        "patrol": {"policy": "potential-field"},
+        "patrol": {"policy": "committed"},
         "faults": [{"kind": "kill", "who": "r2", "at": 195}],
     },
     # From 2 s on the robot is shut in by a ring of four closures.
