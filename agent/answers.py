@@ -73,8 +73,8 @@ def checked(intent: object, robots: Container[int] = ()) -> Intent:
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
     if isinstance(intent, Place) and intent.others is not None:
         # Read once: what is no dict might hold others when the body reads it.
-        others = dict(intent.others) if isinstance(intent.others, _MAPPINGS) else {0: None}
-        if not all(_is_peer(*other, robots) for other in others.items()):
+        others = dict(intent.others) if isinstance(intent.others, _MAPPINGS) else None
+        if others is None or not all(_is_peer(*other, robots) for other in others.items()):
             remedy = "give a mapping from numbers of the fleet's robots to Peer"
             raise PolicyFailed(f"returned Place with others = {intent.others!r}; {remedy}")
         intent = intent if type(intent.others) is dict else replace(intent, others=others)

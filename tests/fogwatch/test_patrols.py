@@ -72,7 +72,7 @@ def test_a_summary_says_how_much_of_the_time_was_planned(
 
 
 def test_time_in_which_a_plan_is_worked_out_is_time_without_one() -> None:
-    """Where much is lost from 200 s on, robots have so much of the common plan to work out then."""
+    """Much is lost from 200 s on, so robots have as much of the common plan to work out then."""
     faults = [{"kind": "loss", "rate": 0.5, "at": 200}]
     summary = run_in_process(
         load_scenario({**YARDS, "point": 1.0, "duration": 240, "robots": {"count": 2}, "faults": faults})

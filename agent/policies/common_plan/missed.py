@@ -26,13 +26,11 @@ class Missed:
 
     def __init__(self, setup: PolicySetup, plan: CommonPlan, number: int) -> None:
         """Begin with none."""
-        fields, self._terrain = setup.ground.fields, setup.ground.terrain
+        self._fields, self._terrain = setup.ground.fields, setup.ground.terrain
         self._plan, self._number = plan, number
         # Flat indices; when they should have been seen first; and whether they should have been again.
         self._points, self._due = np.empty((2, 0), dtype=np.int64)
         self._again = np.empty(0, dtype=np.bool_)
-        own = np.arange(fields.reach.size)
-        self._stands = np.where(fields.reach.reshape(-1), own, fields.proxy.reshape(-1))
         self._interval = plan.interval_s / plan.step  # in ticks
         self._chosen: int | None = None
 
@@ -54,7 +52,7 @@ class Missed:
         if not points.size:
             return None
         seen, patrolled = view.fog.last_seen.reshape(-1)[points], view.fog.patrolled.reshape(-1)[points]
-        stands = self._stands[points]
+        stands = self._find_stands(points)
         is_left = (seen < due) & patrolled & (stands >= 0)
         if given_up.now(view.tick).size:
             is_left &= ~given_up.covers(view.tick, stands, self._terrain.width)
@@ -67,8 +65,16 @@ class Missed:
         if self._chosen is None:
             return None
         width = self._terrain.width
-        stand, age = int(self._stands[self._chosen]), view.tick - max(int(view.fog.last_seen.flat[self._chosen]), 0)
+        stand, age = (
+            int(self._find_stands(np.array([self._chosen]))[0]),
+            view.tick - max(int(view.fog.last_seen.flat[self._chosen]), 0),
+        )
         return Target(divmod(self._chosen, width), divmod(stand, width), max(age, 1))
+
+    def _find_stands(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return from where points are seen, flat indices: from there, or from their posts where no body fits."""
+        proxies = self._fields.proxy.reshape(-1)[points]
+        return np.where(self._fields.reach.reshape(-1)[points], points, proxies)
 
     def _find_nearest(self, view: View, points: NDArray[np.int64]) -> int:
         row, col = view.point_of((view.pose.x, view.pose.y))

@@ -51,7 +51,7 @@ class Watch:
         return self.living.note(view)
 
     def ticks_until_dead(self, number: int, *others: int) -> int:
-        """How long a robot counts on that is not heard any more, while others are."""
+        """Return how long a robot counts on that is not heard any more, while others are."""
         for ticks in range(1, 10_000):
             if number not in self.hear(*others):
                 return ticks

@@ -60,7 +60,7 @@ def plans_of(robots: Robots) -> list[CommonPlan | None]:
 
 
 def places(robots: Robots, ticks: int) -> list[tuple[float, float]]:
-    """Where the first robot is after each tick."""
+    """Return the places of the first robot after each tick."""
     passed = []
     for _ in range(ticks):
         robots.tick()

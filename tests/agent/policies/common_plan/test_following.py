@@ -41,7 +41,7 @@ def followed(robots: Robots, robot: int = 0) -> Followed:
 
 
 def away_m(robots: Robots) -> list[float]:
-    """How far robots are from where the plan has them."""
+    """Return the distances of robots from where the plan has them, m."""
     plan = present(plans_of(robots)[0])
     plan.advance_to(robots.k)
     places = np.array([(body.pose.x, body.pose.y) for body in robots.bodies])

@@ -1,4 +1,4 @@
-"""What a robot has missed of its part of the plan, and when it goes there."""
+"""Points that a robot has missed of its part of the plan: it goes there in time."""
 
 from types import SimpleNamespace
 from typing import Any

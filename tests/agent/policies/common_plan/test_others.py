@@ -1,4 +1,4 @@
-"""Where others are: those that were on the plan when they were heard last are where it has them now."""
+"""Other robots: those that were on the plan when they were heard last are where it has them now."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +13,7 @@ STRIDE = 0.5
 
 
 def view(tick: int, **peers: Peer) -> Any:
-    """What the first robot is told at a tick, in the left room; peers are named as r2."""
+    """Return the first robot's view at a tick, in the left room; peers are named as r2."""
     known = {int(name[1:]): peer for name, peer in peers.items()}
     return SimpleNamespace(tick=tick, peers=known, reported=Pose(4.0, 4.0, 0.0), stride=STRIDE)
 
