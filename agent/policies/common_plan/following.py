@@ -173,8 +173,9 @@ class OnPlan:
             if not followed.was_on:
                 followed.done = followed.at
             first = max(followed.done + 1, tick - interval)
-            followed.done = min(followed.at, first + CATCH_UP)
-            missed.skip(first, followed.done, view)
+            until = min(followed.at, first + CATCH_UP)
+            missed.skip(first, until, view)
+            followed.done = followed.at if until == followed.at else until - 1
             followed.was_on = True
         # What the plan shows next is known once it has been worked out so far.
         is_worked_out = followed.until == tick + interval

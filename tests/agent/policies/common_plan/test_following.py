@@ -9,10 +9,12 @@ import pytest
 
 from agent.policies.common_plan import following as module
 from agent.policies.common_plan.following import Followed
+from agent.policies.common_plan.missed import Missed
 from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.living import Living
 from agent.policies.pursuit import Pursuit
 from agent.ports import Stay
+from agent.view import View
 from patrol.pose import MODELS, Pose
 from tests.agent.plans import Robots, Says, plan, prepared_in
 from tests.agent.policies.test_stochastic import STARTS, drawn_of, patrol, plans_of
@@ -122,6 +124,30 @@ def test_one_that_takes_another_for_dead_for_a_while_goes_on_where_it_was(monkey
     robots.tick()
     assert followed(robots) is before
     robots.until(lambda: followed(robots).is_on, 5)
+
+
+def test_all_that_it_has_left_out_is_noted_little_by_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    left_out, real = list[tuple[int, int]](), Missed.skip
+
+    def skip(self: Missed, first: int, until: int, view: View) -> None:
+        if view.spec.number == 1 and until > first:
+            left_out.append((first, until))
+        real(self, first, until, view)
+
+    robots = losing(1.0)
+    for _ in range(50):
+        robots.tick()
+    policy = robots.minds[0].policy
+    robots.minds[0].policy = Says(Stay())
+    for _ in range(60):
+        robots.tick()
+    robots.minds[0].policy = policy
+    monkeypatch.setattr(Missed, "skip", skip)
+    robots.until(lambda: bool(left_out) and followed(robots).done == followed(robots).at, 200)
+    noted = [tick for first, until in left_out for tick in range(first, until)]
+    assert len(noted) > module.CATCH_UP
+    assert noted == list(range(noted[0], noted[-1] + 1)), "each once"
+    assert max(until - first for first, until in left_out) <= module.CATCH_UP
 
 
 def test_where_no_way_leads_on_choices_are_free_until_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
