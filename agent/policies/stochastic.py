@@ -12,6 +12,7 @@ No robot says where it is going. Each works out what all do, and takes its own p
 
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`),
 with zones where much is lost or late, and for a robot for which no station is left, or to whose place no way leads.
+They are free, too, where doors may close: each robot knows of other closed doors, so none can tell what the others do.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ class Stochastic(SharedRound):
             weights = _with_margin(self.division.divisions.zoned)  # free choices are not bound to the ground of a zone
         else:
             laid_out, robots = _share(self._setup, laid_out, robots)
-        if laid_out.stations is None:
+        if laid_out.stations is None or self._setup.ground.sight.changes:
             return self._free
         groups_by_round: dict[tuple[object, ...], Groups] = self._setup.ground.scratch.setdefault("groups", {})
         question = (id(laid_out), view.weighing if view is not None else None)

@@ -17,8 +17,6 @@ from agent.policies.common_plan.drawing import PERIOD_S, SPELL, Drawing
 from agent.policies.common_plan.robots import PlannedRobot
 from agent.policies.common_plan.stations import StationAges
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import REMEMBERED
-from patrol.own_sensor import make_footprint
 from patrol.pose import COMMANDS, Pose
 from patrol.radio.message import as_received
 from patrol.radio.peers import Peer
@@ -56,8 +54,6 @@ class CommonPlan:
         self._zones = prepared.scenario.zones
         self._speed_limits = SpeedLimits(self._zones, prepared.terrain)
         self._sight = setup.ground.sight
-        if self._sight.changes:
-            self._sight = make_footprint(prepared.scenario.sensor, prepared.terrain, REMEMBERED)
         self._counted = np.zeros(prepared.terrain.shape, dtype=np.bool_)
         self._counted.flat[known.points] = True
         self._fog, self._ages = Fog(self._counted), StationAges(known, self.step)
