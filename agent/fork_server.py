@@ -21,7 +21,6 @@ NEEDED = (
     "numba.np.arraymath",  # numba itself loads it when the first array meets a kernel
     "agent.process",
     "agent.mind_loop",
-    "agent.policies.committed",
     "agent.policies.stochastic",
     "patrol.kernels.clearance",
     "patrol.kernels.ways",

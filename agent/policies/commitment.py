@@ -1,8 +1,8 @@
 """Commitment: a robot goes to one place, and goes on when the point that it went to see has been seen.
 
-A robot keeps to its target (`agent.policies.pursuit`). The next one is chosen on the ground that it shares with others,
-on the tour (`agent.policies.committed`) or from a plan that is drawn (`agent.policies.stochastic`), and freely where
-it shares none (`agent.policies.choice`). Now and then a robot that chooses freely makes a random step.
+A robot keeps to its target (`agent.policies.pursuit`). The next one is chosen by a plan, on the ground that it shares
+with others (`agent.policies.stochastic`), and freely where it shares none (`agent.policies.choice`). Now and then a
+robot that chooses freely makes a random step.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Commitment:
             pursuit.target = None
             self.choice.forget()
         self._separation.keep_apart(view)
-        self._update_round(view, goes_on)
+        self._update_round(view)
         chooses_freely = self.choice.note(view, pursuit)
         start, wander = view.start, self._random_steps.draw(view) if chooses_freely else None
         if start is None:
@@ -123,8 +123,8 @@ class Commitment:
         """Return the state to report for a robot that goes by a free choice, or by the shared round."""
         return State.FREE if is_free and self.follows_rounds else State.PATROLLING
 
-    def _update_round(self, view: View, goes_on: bool) -> None:
-        """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""
+    def _update_round(self, view: View) -> None:
+        """Update the robots and the ground of the shared round."""
 
 
 def _along(place: Place, leg: Leg) -> Place:

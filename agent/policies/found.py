@@ -30,7 +30,7 @@ POLICIES = ClassSort(
     group="fogwatch.policies",
     built_in=MappingProxyType(
         {
-            COMMITTED: "agent.policies.committed:Committed",
+            COMMITTED: "agent.policies.stochastic:Committed",
             STOCHASTIC: "agent.policies.stochastic:Stochastic",
             PAPER: "agent.policies.potential_field:PotentialField",
             LEARNED: "agent.learned.network:Learned",

@@ -17,17 +17,21 @@ They are free, too, where doors may close: each robot knows of other closed door
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from agent.policies.commitment import Commitment
 from agent.policies.common_plan.believed import Believed
 from agent.policies.common_plan.following import OnPlan
 from agent.policies.common_plan.stations import Groups, KnownStations
+from agent.policies.division import Division
 from agent.policies.living import Living
-from agent.policies.shared_round import SharedRound
-from patrol.scenario import StochasticOptions
+from patrol.errors import BadInput
+from patrol.measures.best_tour import followers_of
+from patrol.scenario import CommitmentOptions, CommittedOptions, StochasticOptions
 from patrol.zones.division import KEPT
+from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,12 +43,11 @@ if TYPE_CHECKING:
     from agent.view import View
     from patrol.tours.round import Round
     from patrol.zones.division import Divisions, ZonedGround
-    from patrol.zones.division import Group as Crew
 
 
 LEAST_STATIONS = 5.0
-"""Least number of stations for each robot that is not spare: with fewer, another robot sees most of what one would plan
-to see before it."""
+"""Least number of stations for each robot that is not spare, where they are drawn: with fewer, another robot sees most
+of what one would plan to see before it."""
 
 
 class Drawn:
@@ -64,6 +67,7 @@ class Drawn:
         self._number, self._groups, self._free, self._living = setup.robot.spec.number, groups, free, living
         self._robots = robots
         self._regular = frozenset(spec.number for spec in setup.fleet.roster if not spec.spare)
+        self._least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else 0.0
         self._believed = Believed(setup, laid_out, free)
         # With zones, what is heard says which robots share the stations, so there is no plan that needs nothing heard.
         self._on_plan = None if has_zones else OnPlan(setup, free)
@@ -87,7 +91,7 @@ class Drawn:
         living = self._living.note(view) & self._robots
         team = self._regular & self._robots
         # With zones, what weighs is to be visited however crowded robots are.
-        is_small = self._on_plan is not None and len(self._groups.known) < LEAST_STATIONS * len(team)
+        is_small = self._on_plan is not None and len(self._groups.known) < self._least * len(team)
         if is_small and len(team) > 1:
             self._choice = None
             return True
@@ -109,44 +113,83 @@ class Drawn:
         return (self._choice or self._free).next(view, start, pursuit)
 
 
-class Stochastic(SharedRound):
+class Stochastic(Commitment):
     """Draws its next station."""
 
-    Options = StochasticOptions
+    Options: type[CommitmentOptions] = StochasticOptions
+    follows_rounds: ClassVar[bool] = True  # so rounds are found before a run
 
     def __init__(self, setup: PolicySetup) -> None:
-        self._living = Living(setup)
         super().__init__(setup)
+        self._living = Living(setup)
+        self.division: Division | None = None  # None where there is at most one round
+        prepared, number = setup.ground.prepared, setup.robot.spec.number
+        self._weighing = weighing_at(prepared.scenario.zones, 0.0)
+        self._round: Round | None = None  # with zones, that of this robot
+        if (divisions := self._free.zones.under(self._weighing)) is not None:
+            self._take_zones(divisions)
+        elif not prepared.rounds:
+            raise BadInput(
+                "no rounds were found for this policy; give its class the attribute follows_rounds = True, as a class "
+                "that makes a policy which follows rounds needs"
+            )
+        elif (laid_out := prepared.rounds[number]) is not None:
+            self.choice = self._share(*_find_sharing(setup, laid_out, followers_of(prepared.rounds, number)), None)
 
-    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> Choice:
-        weights = None
-        if self.division is not None:
-            weights = _with_margin(self.division.divisions.zoned)  # free choices are not bound to the ground of a zone
-        else:
-            laid_out, robots = _share(self._setup, laid_out, robots)
-        if laid_out.stations is None or self._setup.ground.sight.changes:
+    def _share(self, laid_out: Round, robots: frozenset[int], weights: NDArray[np.float64] | None) -> Choice:
+        """Return the choice on a round that is shared with some robots, this one among them, or a free one.
+
+        ``weights`` are None where all points count alike.
+        """
+        ground = self._setup.ground
+        if laid_out.stations is None or ground.sight.changes:
             return self._free
-        groups_by_round: dict[tuple[object, ...], Groups] = self._setup.ground.scratch.setdefault("groups", {})
-        question = (id(laid_out), view.weighing if view is not None else None)
+        groups_by_round: dict[tuple[object, ...], Groups] = ground.scratch.setdefault("groups", {})
+        question = id(laid_out), self._weighing
         if question not in groups_by_round:
-            prepared = self._setup.ground.prepared
-            known = KnownStations(laid_out, weights)
+            known, prepared = KnownStations(laid_out, weights), ground.prepared
             groups_by_round[question] = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
-        return Drawn(
-            self._setup,
-            laid_out,
-            groups_by_round[question],
-            self._free,
-            self._living,
-            robots,
-            self.division is not None,
-        )
+        groups, has_zones = groups_by_round[question], self.division is not None
+        return Drawn(self._setup, laid_out, groups, self._free, self._living, robots, has_zones)
 
-    def _round_of(self, divisions: Divisions, group: Crew) -> Round:
-        return divisions.zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
+    def _take_zones(self, divisions: Divisions) -> None:
+        """Go by the zones that are in force now: divide the robots between their rounds."""
+        self._round, setup = None, self._setup
+        if not divisions.zoned.rounds:
+            self.division, self.choice = None, self._free
+        elif self.division is None:
+            self.division = Division(
+                divisions, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
+            )
+        else:
+            self.division.divide(divisions)
+
+    def _update_round(self, view: View) -> None:
+        if view.weighing != self._weighing:
+            self._weighing = view.weighing
+            divisions = self._free.zones.under(view.weighing)
+            assert divisions is not None
+            self._take_zones(divisions)
+        if self.division is not None:
+            crew, zoned = self.division.crew(view), self.division.divisions.zoned
+            # What weighs more is visited more often without being on the round twice.
+            laid_out = zoned.rounds[crew.classes]
+            if laid_out is not self._round:
+                self.pursuit.target = None
+                # Free choices are not bound to the ground of a zone.
+                self.choice = self._share(laid_out, crew.robots, _with_margin(zoned))
+            else:
+                self.choice.follow_with(crew.robots)
+            self._round = laid_out
 
 
-def _share(setup: PolicySetup, laid_out: Round, robots: frozenset[int]) -> tuple[Round, frozenset[int]]:
+class Committed(Stochastic):
+    """Follows the tour: of the best routes, nothing is drawn."""
+
+    Options = CommittedOptions
+
+
+def _find_sharing(setup: PolicySetup, laid_out: Round, robots: frozenset[int]) -> tuple[Round, frozenset[int]]:
     """Return the round that a robot shares, and with which of some robots: all whose rounds show the same points.
 
     Of several radii, that of the widest robot, which all the others can follow.

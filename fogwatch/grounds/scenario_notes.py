@@ -175,9 +175,8 @@ def _not_drawn(prepared: Prepared) -> list[str]:
     if policy not in (PATROLS[STOCHASTIC].policy, PATROLS[TOUR].policy):
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
-    finder, is_drawn = TourFinder(prepared), isinstance(scenario.patrol, StochasticPatrol)
-    zoned = any(zone.weighs for zone in scenario.zones)
-    if why := finder.why_no_rounds if is_drawn and not zoned else finder.why_no_tour:
+    finder, zoned = TourFinder(prepared), any(zone.weighs for zone in scenario.zones)
+    if why := finder.why_not_divided if zoned else finder.why_no_rounds:
         return [f"{free}: {why}"]
     if isinstance(scenario.patrol, StochasticPatrol) and scenario.patrol.options.unpredictability == 0.0:
         return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -33,7 +32,7 @@ from patrol.tours.round import Round, Tour, lay_out
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
-    from patrol.scenario import RobotSpec, Scenario
+    from patrol.scenario import Scenario
     from patrol.scenario.sections import SensorSpec
 
 
@@ -81,12 +80,7 @@ VERSION = 2
 """Version of the search: a change of `patrol.tours` that gives other tours or rounds adds 1."""
 
 MOST_ROBOTS = 24
-"""Robots of the largest fleet that follows a tour. Each follows all others along it, so the time that a fleet takes
-grows with the square of its size, and from about 30 robots on free choices keep the fog as fresh."""
-
-CROWDED = 0.25
-"""Least ground for each robot of a tour that is not crowded, as a share of what a sensor sees around it on open ground:
-with less, another robot sees most of what a robot would go to before it."""
+"""Robots of the largest fleet that is divided between the rounds of zones."""
 
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
@@ -225,9 +219,13 @@ class TourFinder:
         return ""
 
     @property
-    def why_no_tour(self) -> str:
-        """The reason that the fleet follows no tour, evenly spaced on a round; empty where it may."""
-        return self.why_no_rounds or why_no_tour(self._roster)
+    def why_not_divided(self) -> str:
+        """The reason that the fleet is not divided between the rounds of zones; empty where it may be."""
+        if self.why_no_rounds:
+            return self.why_no_rounds
+        if len(self._roster) > MOST_ROBOTS:
+            return f"the fleet has more than {MOST_ROBOTS} robots"
+        return "its robots have several speeds" if len({spec.speed for spec in self._roster}) > 1 else ""
 
     def find(self, own: OwnGround, ground: BoolGrid) -> Tour | None:
         """Find a tour over a part of a robot's own ground: known to this process, in the cache, or by a search.
@@ -269,20 +267,6 @@ class TourFinder:
         for grid in (terrain.passable, own.reach, ground):
             digest.update(np.packbits(grid).tobytes())
         return digest.hexdigest()[:32]
-
-
-def why_no_tour(roster: Sequence[RobotSpec]) -> str:
-    """Return the reason that robots with rounds do not follow them as a tour; empty where they may."""
-    if len(roster) > MOST_ROBOTS:
-        return f"the fleet has more than {MOST_ROBOTS} robots"
-    if len({spec.speed for spec in roster}) > 1:
-        return "its robots have several speeds"  # fast robots would wait for slow ones
-    return ""
-
-
-def most_planned(ground_m2: float, range_m: float) -> float:
-    """Return how many robots at most follow a tour without being crowded."""
-    return ground_m2 / (CROWDED * math.pi * range_m**2)
 
 
 def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:

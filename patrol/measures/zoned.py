@@ -190,7 +190,7 @@ def _ways_m(terrain: Terrain, reach: BoolGrid, laid_out: Round) -> NDArray[np.fl
 def _find_rounds(finder: TourFinder, grid: NDArray[np.float64], classes: tuple[float, ...]) -> Mapping[Classes, Round]:
     """Find the rounds of all groups; none where the fleet follows no rounds, or has several grounds or many classes."""
     own = next(iter(finder.grounds.values()))
-    if finder.why_no_tour or len(set(map(id, finder.grounds.values()))) > 1 or len(classes) > MOST_CLASSES:
+    if finder.why_not_divided or len(set(map(id, finder.grounds.values()))) > 1 or len(classes) > MOST_CLASSES:
         return {}
     tours: dict[Classes, Tour] = {}
     grounds: dict[Classes, BoolGrid] = {}

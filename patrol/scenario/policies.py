@@ -198,7 +198,9 @@ class StochasticOptions(CommitmentOptions):
 
 
 class CommittedOptions(CommitmentOptions):
-    """Settings of `committed`: all robots follow one tour, evenly spaced."""
+    """Settings of `committed`: nothing is drawn."""
+
+    unpredictability: ClassVar[float] = 0.0
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
         """Add what older files stated, so that hashes stay as before it was the tour alone."""

@@ -12,18 +12,7 @@ import pytest
 
 from agent.bodies import differential, manoeuvre, standoff
 from agent.learned import network, observation
-from agent.policies import (
-    charging,
-    choice,
-    commitment,
-    committed,
-    forces,
-    living,
-    potential_field,
-    pursuit,
-    shared_round,
-    stochastic,
-)
+from agent.policies import charging, choice, commitment, forces, living, potential_field, pursuit, stochastic
 from agent.policies.common_plan import drawing, following, missed, others
 from agent.policies.common_plan import robots as planned_robots
 from agent.policies.common_plan import stations as known_stations
@@ -84,14 +73,9 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "at # ticks a tick (`CATCH_UP`)", (following.CATCH_UP,)),
     ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
     ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`;", (stochastic.LEAST_STATIONS,)),
-    ("algorithm", "than # (`CROWDED`)", (best_tour.CROWDED,)),
-    (
-        "algorithm",
-        "over about the last # s more than # % of positions",
-        (shared_round.LOSSES_S, 100 * shared_round.LOSSY),
-    ),
     ("algorithm", "stands for a wanted age times # more (`KEPT`)", (division.KEPT,)),
-    ("algorithm", "After a period of # s with an MFoW of # (`BROKEN`)", (committed.PERIOD_S, committed.BROKEN)),
+    ("algorithm", "by # small moves each time (`MOVES_BEST`)", (drawing.MOVES_BEST,)),
+    ("algorithm", "anew after # s (`PERIOD_BEST_S`)", (drawing.PERIOD_BEST_S,)),
     ("algorithm", "in a fleet of more than # robots", (best_tour.MOST_ROBOTS,)),
     ("algorithm", "or a tour of # places", (search.MOST_PLACES,)),
     ("algorithm", "(# million points,", (search.MOST_POINTS / 1e6,)),
@@ -163,10 +147,6 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
 SPELT: list[tuple[str, str, float, float]] = [
     ("algorithm", "counts a tenth (option `separation`)", choice.OTHERS, 0.1),
     ("algorithm", "fallen below half of what it was", pursuit.STILL_STALE, 0.5),
-    ("algorithm", "within one sensor range or four strides along", committed.AHEAD_STRIDES, 4.0),
-    ("algorithm", "within one sensor range or four strides along", committed.AHEAD, 1.0),
-    ("algorithm", "unseen for half of the time between two robots", committed.STALE, 0.5),
-    ("algorithm", "Every sixth period (`PERIODS`)", committed.PERIODS, 6),
     ("algorithm", "straight for at least five radii", differential.STRAIGHT_RADII, 5.0),
     ("algorithm", "shorter by five turning radii", manoeuvre.AHEAD, 5.0),
     ("algorithm", "or within half a stride of the place", manoeuvre.NEAR, 0.5),

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.policies.common_plan.drawing import PERIOD_S, SPELL, Drawing, Parts
+from agent.policies.common_plan.drawing import SPELL, Drawing, Parts
 from agent.policies.common_plan.stations import StationAges
 from agent.policies.pursuit import Target
-from agent.policies.shared_round import RoundStands
 from patrol.radio.peers import columns_of
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
-    from patrol.tours.round import Round
+    from patrol.tours.round import Flat, Round
 
 TURNED = 0.4
 """A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
@@ -58,6 +57,39 @@ class WorkedOut:
 
     tick: int = -1
     parts: dict[tuple[object, ...], FleetParts] = field(default_factory=dict)
+
+
+class RoundStands:
+    """The stands of one robot for the points of a round.
+
+    A point is seen from its place on the round. Where that is given up, or no way leads there now, it may be seen from
+    the point itself, or from its post where no body fits.
+    """
+
+    def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
+        """Find the point itself, or its post, for each point of the round."""
+        points = laid_out.points
+        fields = setup.ground.fields
+        own_stands = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
+        self._round = laid_out
+        self._own = np.where(own_stands >= 0, own_stands, laid_out.stands)
+        self._width = setup.ground.terrain.width
+
+    def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
+        """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
+
+        Usable are those that the robot gets to and has not given up.
+        """
+        stands, own_stands = self._round.stands[span], self._own[span]
+        usable = np.ones(stands.shape, dtype=np.bool_)
+        if (now := view.fog.stands) is not None:
+            own_stands = now[self._round.points[span]]
+            usable = own_stands >= 0
+            stands = np.where(now[stands] == stands, stands, own_stands)
+        if given_up.now(view.tick).size:
+            stands = np.where(given_up.covers(view.tick, stands, self._width), own_stands, stands)
+            usable &= ~given_up.covers(view.tick, stands, self._width)
+        return stands, usable
 
 
 class Believed:
@@ -146,8 +178,8 @@ class Believed:
         self, view: View, known: KnownStations, robots: tuple[int, ...], places: NDArray[np.float64]
     ) -> FleetParts:
         """Return the parts after these ones, in which each robot that has seen its station goes to another."""
-        before, period = self._fleet, int(view.tick * self._step / PERIOD_S)
-        drawing = self._find_drawing(known, robots)
+        before, drawing = self._fleet, self._find_drawing(known, robots)
+        period = int(view.tick * self._step / drawing.period_s)
         leads, assumed = drawing.leads_s(places), self._ages
         assert assumed is not None
         spell = int(view.tick * self._step / self._spell_s)

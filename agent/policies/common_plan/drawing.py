@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,11 +51,15 @@ MOVES_FIRST = 400
 MOVES = 600
 """Moves by which each of the compared routes is improved."""
 
+MOVES_BEST = 8_000
+"""Moves by which routes are improved each time where nothing is drawn."""
+
 LATE, LATE_S = 3.0, 15.0
 """A station that is not seen after so many times the way there, and so many seconds, is taken as given up."""
 
-PERIOD_S = 300.0
-"""Time after which all stations are drawn anew, s: routes that were improved again and again are easier to predict."""
+PERIOD_S, PERIOD_BEST_S = 300.0, 3600.0
+"""Time after which all routes begin anew, s: those that were improved again and again are easier to predict; the same
+where nothing is drawn."""
 
 SPELL = 0.1
 """Time for which the draw of a robot and a station stays the same, as a share of the time between two robots on the
@@ -64,6 +69,9 @@ tour. So what was not drawn is not drawn a moment later, and robots that believe
 Routes = NDArray[np.int64]
 Leads = NDArray[np.float64]
 """About how long each robot takes to each station, float64 (robots, stations), s."""
+
+Inputs = tuple[Leads, Leads, Leads, Leads, Routes]
+"""What `agent.kernels.plan` takes from `leads` to `near`."""
 
 Draw = Callable[[int, int], float]
 """A number in [0, 1) for a robot, by number, and a choice, which is the same for all that ask."""
@@ -105,6 +113,8 @@ class Drawing:
         self._paces = np.array([1.0 / spec.speed for spec in robots])
         station_s = known.length_m / len(known) * float(self._paces.mean())
         self._spread_s = SPREAD * setup.options.unpredictability * station_s * min(1.0, FEW / len(robots))
+        self._is_best = self._spread_s == 0.0  # nothing is drawn
+        self.period_s = PERIOD_BEST_S if self._is_best else PERIOD_S
         terrain = setup.ground.prepared.terrain
         self._terrain = terrain
         self._spots = np.array([terrain.centre(*divmod(spot, terrain.width)) for spot in known.spots.tolist()])
@@ -126,7 +136,14 @@ class Drawing:
         return np.ascontiguousarray(ways * self._paces[:, None])
 
     def begin(self, tick: int, ages: Ages, leads: Leads, draw: Draw) -> Parts:
-        """Make the first routes: always the robot that is free first goes to the best station that is left."""
+        """Make the first routes, and draw the first stations."""
+        rows = self._follow_round(leads) if self._is_best else self._go_to_nearest(ages, leads)
+        parts = Parts({number: Part(route) for number, route in zip(self.numbers, rows, strict=True)})
+        self.draw(parts, self.numbers, (), tick, ages, leads, draw, MOVES_FIRST * len(ages))
+        return parts
+
+    def _go_to_nearest(self, ages: Ages, leads: Leads) -> list[list[int]]:
+        """Return routes in which always the robot that is free first goes to the best station that is left."""
         rows: list[list[int]] = [[] for _ in self.numbers]
         free_at = np.zeros(len(rows))
         unassigned = np.ones(len(ages), dtype=np.bool_)
@@ -138,9 +155,18 @@ class Drawing:
             unassigned[best] = False
             rows[row].append(best)
             free_at[row] += ways[best]
-        parts = Parts({number: Part(route) for number, route in zip(self.numbers, rows, strict=True)})
-        self.draw(parts, self.numbers, (), tick, ages, leads, draw, MOVES_FIRST * len(ages))
-        return parts
+        return rows
+
+    def _follow_round(self, leads: Leads) -> list[list[int]]:
+        """Return routes along the round, as long as robots are fast, which begin where the last robot is soonest."""
+        size = leads.shape[1]
+        order = np.argsort(leads.argmin(axis=1), kind="stable")  # of the robots, along the round
+        passed = np.cumsum([0.0, *(1.0 / self._paces[order])])
+        ends = np.rint(size * passed / passed[-1]).astype(np.int64)
+        heads = (np.arange(size)[:, None] + ends[:-1]) % size
+        first = int(leads[order, heads].max(axis=1).argmin())
+        routes = [(np.arange(begin, end) + first) % size for begin, end in pairwise(ends.tolist())]
+        return [routes[place].tolist() for place in np.argsort(order).tolist()]
 
     def is_done(self, parts: Parts, part: Part, ages_s: Callable[[slice], Ages]) -> bool:
         """Return True if a robot's station has been seen; note its oldest point. ``ages_s`` are those of points."""
@@ -172,39 +198,56 @@ class Drawing:
         """Draw the next station of some robots, one after the other."""
         known = self._known
         parts.least_s = STALE * min(self.interval_s, float(ages.max()))
-        routes = np.zeros((len(self.numbers), len(ages)), dtype=np.int64)
-        counts = np.zeros(len(self.numbers), dtype=np.int64)
-        for row, number in enumerate(self.numbers):
-            route = parts.each[number].route
-            route = _gone_on(route, ages, parts.least_s) if number in done else route
-            routes[row, : len(route)], counts[row] = route, len(route)
-        _fill_empty_routes(routes, counts)
+        worth = ages > parts.least_s
+        rows = [list(parts.each[number].route) for number in self.numbers]
+        for number in done:
+            _put_behind(rows, self.numbers.index(number), worth, known.apart_m)
+        routes, counts = _fill_routes(rows, len(ages))
         pinned = np.array([number not in drawing for number in self.numbers])
         inputs = (leads, known.apart_m, self._paces, ages, known.near)
-        if moves_first:
-            improve(routes, counts, pinned, *inputs, moves_first, int(draw(0, 0) * 2.0**53))
+        if moves := MOVES_BEST if self._is_best else moves_first:
+            improve(routes, counts, pinned, *inputs, moves, int(draw(0, 0) * 2.0**53))
         for number in drawing:
             row, part = self.numbers.index(number), parts.each[number]
-            # The first stations of the others are theirs, and the one that it has just seen is fresh.
-            occupied = [*routes[pinned, 0].tolist(), *(part.route[:1] if number in done else [])]
-            choices = np.union1d(
-                self._list_choices(ages > parts.least_s, leads, row, occupied), routes[row, : counts[row]][:1]
-            )
-            if not choices.size:
+            if not self._is_best:
+                # The first stations of the others are theirs, and the one that it has just seen is fresh.
+                occupied = [*routes[pinned, 0].tolist(), *(part.route[:1] if number in done else [])]
+                choices = np.union1d(self._list_choices(worth, leads, row, occupied), routes[row, : counts[row]][:1])
+                if choices.size:
+                    routes, counts = self._draw_route(routes, counts, pinned, row, choices, inputs, draw)
+            elif counts[row]:
+                # What lies before the first station that is worth a visit comes last.
+                route = routes[row, : counts[row]]
+                route[:] = np.roll(route, -int(worth[route].argmax()))
+            if not counts[row]:
                 continue  # there are fewer stations than robots
-            plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
-            plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
-            seed = int(draw(number, 0) * 2.0**53)
-            compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
-            # The least cost after Gumbel noise: a choice is drawn with the weight exp(-cost / spread).
-            drawn = int((costs + self._spread_s * _draw_chances(draw, number, choices)).argmin())
-            station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
+            station = int(routes[row, 0])
             # The robots that draw after it plan with this choice.
             pinned[row] = True
             part.age_s, part.least_way_s = float(ages[station]), math.inf
             part.until = tick + math.ceil((LATE * float(leads[row, station]) + LATE_S) / self._step)
         for row, number in enumerate(self.numbers):
             parts.each[number].route = routes[row, : counts[row]].tolist()
+
+    def _draw_route(
+        self,
+        routes: Routes,
+        counts: Routes,
+        pinned: NDArray[np.bool_],
+        row: int,
+        choices: Routes,
+        inputs: Inputs,
+        draw: Draw,
+    ) -> tuple[Routes, Routes]:
+        """Return the routes in which a robot goes to one of some stations next, which is drawn."""
+        plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
+        plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
+        number = self.numbers[row]
+        seed = int(draw(number, 0) * 2.0**53)
+        compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
+        # The least cost after Gumbel noise: a choice is drawn with the weight exp(-cost / spread).
+        drawn = int((costs + self._spread_s * _draw_chances(draw, number, choices)).argmin())
+        return plans[drawn], plan_counts[drawn]
 
     def _list_choices(self, worth: NDArray[np.bool_], leads: Leads, row: int, occupied: Sequence[int]) -> Routes:
         """Return the nearest stations that are worth a visit and to which no other robot has a shorter way."""
@@ -223,21 +266,30 @@ def _draw_chances(draw: Draw, number: int, choices: Routes) -> NDArray[np.float6
     return np.array([math.log(-math.log(share)) for share in shares])
 
 
-def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
-    """Put the station at the head of a route to its end, and those after it that are not worth a visit.
+def _put_behind(rows: list[list[int]], row: int, worth: NDArray[np.bool_], apart_m: NDArray[np.float64]) -> None:
+    """Put the station at the head of a route, and those after it that are not worth a visit, to the ends of routes.
 
-    For example, of the route 3, 5, 2, where 5 is fresh and 2 is stale, it becomes 2, 3, 5.
+    Each is put behind the nearest last station. So on a round a robot leaves what it has seen to the one behind it.
     """
-    for first in range(1, len(route)):
-        if ages[route[first]] > least_s:
-            return route[first:] + route[:first]
-    return route[1:] + route[:1]
+    route = rows[row]
+    until = next((index for index in range(1, len(route)) if worth[route[index]]), 1)
+    # A route keeps a station.
+    seen, rows[row] = route[: min(until, len(route) - 1)], route[min(until, len(route) - 1) :]
+    for station in seen:
+        min((route for route in rows if route), key=lambda route: float(apart_m[route[-1], station])).append(station)
 
 
-def _fill_empty_routes(routes: Routes, counts: Routes) -> None:
-    """Give a robot without a station the last one of the robot that has most."""
+def _fill_routes(rows: list[list[int]], size: int) -> tuple[Routes, NDArray[np.int64]]:
+    """Return routes of some stations as arrays, and how many stations each has.
+
+    A robot without a station gets the last one of the robot that has most.
+    """
+    routes, counts = np.zeros((len(rows), size), dtype=np.int64), np.zeros(len(rows), dtype=np.int64)
+    for row, route in enumerate(rows):
+        routes[row, : len(route)], counts[row] = route, len(route)
     for row in np.flatnonzero(counts == 0).tolist():
         longest = int(counts.argmax())
         if counts[longest] > 1:
             counts[longest] -= 1
             routes[row, 0], counts[row] = routes[longest, counts[longest]], 1
+    return routes, counts

@@ -28,8 +28,8 @@ class Missed:
         """Begin with none."""
         self._fields, self._terrain = setup.ground.fields, setup.ground.terrain
         self._plan, self._number = plan, number
-        # Flat indices; when they should have been seen first; and whether they should have been again.
-        self._points, self._due = np.empty((2, 0), dtype=np.int64)
+        # Flat indices; when they should have been seen first, and last; and whether that is twice.
+        self._points, self._due, self._last = np.empty((3, 0), dtype=np.int64)
         self._again = np.empty(0, dtype=np.bool_)
         self._interval = plan.interval_s / plan.step  # in ticks
         self._chosen: int | None = None
@@ -40,9 +40,14 @@ class Missed:
         for tick in range(max(first, self._plan.since), until):
             seen = self._plan.seen_by(self._number, tick)
             unseen = seen[last_seen[seen] < tick]
-            self._again |= np.isin(self._points, unseen) & (tick - self._due > 0.5 * self._interval)
+            if not unseen.size:
+                continue
+            is_unseen = np.isin(self._points, unseen)
+            self._again |= is_unseen & (tick - self._due > 0.5 * self._interval)
+            self._last[is_unseen] = tick
             new = np.setdiff1d(unseen, self._points)
             self._points = np.append(self._points, new)
+            self._last = np.append(self._last, np.full(new.size, tick))
             self._due = np.append(self._due, np.full(new.size, tick))
             self._again = np.append(self._again, np.zeros(new.size, dtype=np.bool_))
 
@@ -53,10 +58,13 @@ class Missed:
             return None
         seen, patrolled = view.fog.last_seen.reshape(-1)[points], view.fog.patrolled.reshape(-1)[points]
         stands = self._find_stands(points)
-        is_left = (seen < due) & patrolled & (stands >= 0)
+        # What another one of the plan has seen since is not missed, though its position may have been lost.
+        planned = self._plan.last_seen.reshape(-1)[points]
+        is_left = (seen < due) & patrolled & (stands >= 0) & ((planned <= self._last) | (planned > view.tick))
         if given_up.now(view.tick).size:
             is_left &= ~given_up.covers(view.tick, stands, self._terrain.width)
-        self._points, self._due, self._again = points[is_left], due[is_left], self._again[is_left]
+        self._points, self._due, self._last = points[is_left], due[is_left], self._last[is_left]
+        self._again = self._again[is_left]
         if self._chosen is None or self._chosen not in self._points:
             is_ahead = self._plan.last_seen.reshape(-1)[self._points] > view.tick
             is_due = (view.tick - self._due > OVERDUE * self._interval) & ~is_ahead

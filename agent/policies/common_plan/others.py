@@ -49,9 +49,10 @@ class Others:
         """Take note of who is heard; return where others nearby are now, None where all are heard now."""
         plan, peers = self._plan, columns_of(view.peers)
         sequences = np.full(self._numbers.size, -1)
-        is_heard = np.isin(self._numbers, peers.numbers)
-        rows = np.searchsorted(peers.numbers, self._numbers[is_heard])
-        sequences[is_heard] = peers.sequences[rows]
+        rows = np.searchsorted(self._numbers, peers.numbers)
+        # One beyond the last is of no plan.
+        is_planned = np.append(self._numbers, -1)[rows] == peers.numbers
+        sequences[rows[is_planned]] = peers.sequences[is_planned]
         for index in np.flatnonzero(sequences > self._heard_at).tolist():
             self._judge(index, view)
         expected = self._numbers[~self._is_off & (sequences < view.tick)].tolist()

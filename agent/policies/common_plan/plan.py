@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.common_plan.drawing import PERIOD_S, SPELL, Drawing
+from agent.policies.common_plan.drawing import SPELL, Drawing
 from agent.policies.common_plan.robots import PlannedRobot
 from agent.policies.common_plan.stations import StationAges
 from patrol.ground.fog import Fog
@@ -122,7 +122,7 @@ class CommonPlan:
         for robot in self._robots:
             robot.move()
         self._note()
-        if (self.tick - self.origin) % round(PERIOD_S / self.step) == 0:
+        if (self.tick - self.origin) % round(self._drawing.period_s / self.step) == 0:
             self._begin()
             return
         arrived = [robot for robot in self._robots if self._is_done(robot, self._parts.each[robot.spec.number])]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.shared_round import Crew, Division
+from agent.policies.division import Crew, Division
 from patrol.tours.round import Round
 from patrol.zones.division import Divisions, ZonedGround
 

@@ -14,10 +14,9 @@ import pytest
 import yaml
 
 from agent.build import Shared, build_mind
-from agent.policies.committed import Committed
 from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field import PotentialField
-from agent.policies.stochastic import Stochastic
+from agent.policies.stochastic import Committed, Stochastic
 from agent.ports import PolicyFailed, State
 from patrol.classes.class_file import LONGEST, file_digest
 from patrol.errors import BadInput
@@ -133,7 +132,7 @@ def test_a_policy_that_builds_on_a_built_in_one_has_its_options_and_lengths(writ
 
 ON_THE_TOUR = """
     from dataclasses import replace
-    from agent.policies.committed import Committed
+    from agent.policies.stochastic import Committed
     from patrol.scenario import CommittedOptions
 
     class OnTheTour:
@@ -150,7 +149,7 @@ ON_THE_TOUR = """
 def test_a_policy_that_makes_one_on_a_round_says_so(write: Write) -> None:
     says = load_scenario(write("./guard.py:OnTheTour", ON_THE_TOUR.format(word="follows_rounds = True")))
     policy: Any = build_mind(Shared(prepare(says)), 1).policy
-    assert type(policy.otherwise.within.choice).__name__ == "OnRound"
+    assert type(policy.otherwise.within.choice).__name__ == "Drawn"
     says_nothing = load_scenario(write("./other.py:OnTheTour", ON_THE_TOUR.format(word="pass"), name="other.py"))
     with pytest.raises(PolicyFailed, match="follows_rounds = True"):
         build_mind(Shared(prepare(says_nothing)), 1)

@@ -244,11 +244,11 @@ def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
     assert rounds_of(prepared())[1] is not None, "robots of several speeds"
 
 
-def test_large_fleets_and_robots_of_several_speeds_follow_no_tour(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not TourFinder(prepared(speeds=ALIKE)).why_no_tour
-    assert TourFinder(prepared()).why_no_tour == "its robots have several speeds"
+def test_large_fleets_and_robots_of_several_speeds_are_not_divided(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not TourFinder(prepared(speeds=ALIKE)).why_not_divided
+    assert TourFinder(prepared()).why_not_divided == "its robots have several speeds"
     monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert TourFinder(prepared(speeds=ALIKE)).why_no_tour == "the fleet has more than 1 robots"
+    assert TourFinder(prepared(speeds=ALIKE)).why_not_divided == "the fleet has more than 1 robots"
 
 
 def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:

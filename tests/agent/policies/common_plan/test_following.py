@@ -21,7 +21,6 @@ from tests.agent.policies.test_stochastic import STARTS, drawn_of, patrol, plans
 from tests.present import present
 
 FOUR = [*STARTS, Pose(2.0, 18.0, 0.0), Pose(20.0, 14.0, 0.0)]
-WILD = {"unpredictability": 20.0}
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +62,7 @@ def test_robots_are_where_the_plan_has_them_whatever_is_lost(model: str, share: 
 
 
 def test_robots_that_hear_nothing_pass_each_other() -> None:
-    robots, apart_m = losing(1.0, FOUR, options=WILD, sensor={"range": 2.0}), list[float]()
+    robots, apart_m = losing(1.0, FOUR, sensor={"range": 2.0}), list[float]()
     for _ in range(1200):
         robots.tick()
         assert not any(body.bumped for body in robots.bodies)

@@ -94,7 +94,19 @@ def test_what_the_plan_shows_soon_is_waited_for(scene: Scene) -> None:
     scene.skip(10, point)
     scene.planned.flat[point] = 320
     assert scene.goes_to(300) is None
-    assert scene.goes_to(320) == point
+    scene.skip(320, point)
+    assert scene.goes_to(321) == point
+
+
+def test_what_another_one_of_the_plan_has_seen_since_is_not_missed(scene: Scene) -> None:
+    """Its positions may have been lost."""
+    point, own = scene.point(1.0, 1.0), scene.point(6.0, 5.0)
+    scene.skip(10, point, own)
+    scene.skip(50, own)
+    scene.planned.flat[[point, own]] = 50
+    assert scene.goes_to(10 + round(OVERDUE * INTERVAL) + 1) == own
+    scene.last_seen.flat[own] = 300
+    assert scene.goes_to(1000) is None
 
 
 def test_what_is_missed_again_is_gone_to_at_once(scene: Scene) -> None:
