@@ -358,8 +358,8 @@ class Summary(_Part):
         float | None,
         Metric(
             "share of the time on patrol in which robots went by the [plan](algorithm.md#drawn-stations) of "
-            "`stochastic`, or the [round](algorithm.md#rounds) of `committed`; in the rest each chose freely, with the "
-            "state `free`. Null for other policies, unless a robot reported that state",
+            "`stochastic` or `committed`; in the rest each chose freely, with the state `free`. Null for other "
+            "policies, unless a robot reported that state",
             "%",
             "planned",
             "of the time on patrol; else robots chose freely",

@@ -1,4 +1,4 @@
-"""Visits: a round that comes by some ground more often than once.
+"""Visits: what a round that comes by some ground more often than once would take.
 
 Ground with a wanted age may need to be seen more often than the rest. Its *visits* are put into a round over the other
 ground: at some place the robots leave it, drive to the nearest place of a round over that ground, round it, and back.
@@ -124,73 +124,3 @@ def _round_costs(base: Round, grounds: Mapping[int, Ground], robots: int, plans:
     overdue = _overdue_factor(base, grounds, robots, plans)
     costs: Lengths = lengths * np.where(np.isfinite(overdue), overdue, 1.0).max(axis=1)
     return costs
-
-
-def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Visit]) -> Round:
-    """Put visits, in the order of the round, into a round; its points then name ground as often as it is visited."""
-    places: list[int] = []
-    along: list[float] = []
-    parts: list[tuple[Round, NDArray[np.int64]]] = []  # a round, and the new number of each of its places
-    numbers = np.zeros(len(base.places), dtype=np.int64)
-
-    def put(place: int, at_m: float) -> int:
-        # A place where two parts meet is put in once.
-        if not places or places[-1] != place:
-            places.append(place)
-            along.append(at_m)
-        return len(places) - 1
-
-    driven, before = 0.0, 0
-    # One more visit, of no ground, puts in what is left of the round.
-    for visit in [*visits, Visit(-1, len(base.places) - 1, 0.0)]:
-        for number in range(before, visit.place + 1):
-            numbers[number] = put(int(base.places[number]), float(base.along[number]) + driven)
-        before = visit.place + 1
-        if visit.length_m == 0.0:
-            continue
-        ground, start_m = grounds[visit.ground], float(base.along[visit.place]) + driven
-        way, lengths = _way_down(ground.ways, int(base.places[visit.place]))
-        for place, length_m in zip(way, lengths, strict=True):
-            put(place, start_m + length_m)
-        ground_round = ground.round
-        first = int(np.flatnonzero(ground_round.places == way[-1])[0])
-        order = np.roll(np.arange(len(ground_round.places)), -first)
-        own_numbers = np.zeros(len(ground_round.places), dtype=np.int64)
-        for number in order.tolist():
-            ahead_m = float(ground_round.along[number] - ground_round.along[first]) % ground_round.length_m
-            own_numbers[number] = put(int(ground_round.places[number]), start_m + lengths[-1] + ahead_m)
-        parts.append((ground_round, own_numbers))
-        driven += visit.length_m
-        # Back by the same way, which is as long.
-        for place, length_m in zip(reversed(way), reversed(lengths), strict=True):
-            put(place, start_m + visit.length_m - length_m)
-    parts.append((base, numbers))
-    place_of = np.concatenate([new[part.place_of] for part, new in parts])
-    order = np.argsort(place_of, kind="stable")
-    return Round(
-        base.length_m + driven,
-        np.array(places, dtype=np.int64),
-        np.array(along),
-        np.concatenate([part.points for part, _ in parts])[order],
-        place_of[order],
-        np.concatenate([part.stands for part, _ in parts])[order],
-    )
-
-
-def _way_down(ways: NDArray[np.float32], place: int) -> tuple[list[int], list[float]]:
-    """Return the way from a point to where its length is 0: flat indices, and the length up to each, m."""
-    row, col = divmod(place, ways.shape[1])
-    way, total = [place], float(ways[row, col])
-    lengths = [0.0]
-    while ways[row, col] > 0.0:
-        steps = []
-        for up, across in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            to_row, to_col = row + up, col + across
-            beside = ways[row, to_col : to_col + 1], ways[to_row : to_row + 1, col]
-            # A diagonal step needs both points beside it.
-            if 0 <= to_row < ways.shape[0] and 0 <= to_col < ways.shape[1] and np.isfinite(beside).all():
-                steps.append((float(ways[to_row, to_col]), to_row, to_col))
-        _, row, col = min(steps)
-        way.append(row * ways.shape[1] + col)
-        lengths.append(total - float(ways[row, col]))
-    return way, lengths

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.fields import load_grid
 from patrol.tours.round import Round
-from patrol.tours.visits import MOST_VISITS, Ground, longest_gaps_m, plan_visits, with_visits
+from patrol.tours.visits import MOST_VISITS, Ground, longest_gaps_m, plan_visits
 
 MOST_CLASSES = 4
 """Distinct weights of the ground of a fleet that follows rounds."""
@@ -54,9 +54,9 @@ class Group(NamedTuple):
 
 
 class LaidOut(NamedTuple):
-    """The round of a group, or what is known of it before its visits are chosen."""
+    """The ages that a group keeps, or what is known of them before its visits are chosen."""
 
-    round: Round | None  # with the visits of its classes; None before they are chosen
+    is_chosen: bool  # True once the visits of its classes are chosen, or it has none
     ages_s: Mapping[int, float]  # by class, between two robots that come by it; lower bounds before visits are chosen
     visits: bool  # whether the round has visits
 
@@ -101,7 +101,7 @@ class ZonedGround:
 
 
 class Divisions:
-    """The divisions of robots over zoned ground, and the rounds of their groups, which are kept once they are made."""
+    """The divisions of robots over zoned ground, and what is known of their groups."""
 
     def __init__(self, zoned: ZonedGround, laid_out: dict[Group, LaidOut] | None = None) -> None:
         """Begin without any, or with those of ground that has the same rounds and wishes."""
@@ -124,9 +124,9 @@ class Divisions:
         while True:
             # Visits take long to choose. They are chosen only in the division that may still be the best one.
             rank, number, groups = ranked[0]
-            bounded = next((group for group in groups if self._known_round(group).round is None), None)
+            bounded = next((group for group in groups if not self._known_round(group).is_chosen), None)
             if bounded is not None:
-                self.round_of(bounded)
+                self._ages_s(bounded)
             elif rank == self._rank_division(groups):
                 return groups
             heapreplace(ranked, (self._rank_division(groups), number, groups))
@@ -154,17 +154,10 @@ class Divisions:
         wanted = self.zoned.wanted[number]
         return wanted is None or dict(pair for group in groups for pair in self._ages_s(group))[number] <= wanted
 
-    def round_of(self, group: Group) -> Round:
-        """Return the round of a group, the same one for each call."""
-        laid_out = self._known_round(group)
-        if laid_out.round is None:
-            laid_out = self.laid_out[group] = self._with_visits(group)
-        assert laid_out.round is not None
-        return laid_out.round
-
     def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
         """Return for each class of a group the time between two robots that come by it, s."""
-        self.round_of(group)
+        if not self._known_round(group).is_chosen:
+            self.laid_out[group] = self._with_visits(group)
         return self.laid_out[group].ages_s.items()
 
     def _known_round(self, group: Group) -> LaidOut:
@@ -179,7 +172,7 @@ class Divisions:
         base, due_s = self._visited_round(group)
         ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
         if not due_s:
-            return LaidOut(base, ages_s, visits=False)
+            return LaidOut(True, ages_s, visits=False)
         # At least one visit to ground that the round leaves out, and at most MOST_VISITS to any.
         unseen = {n for n in due_s if not np.isin(base.points, self.zoned.rounds[n, n].points).any()}
         visit_m = {
@@ -192,7 +185,7 @@ class Divisions:
             shown, others_m = (0, least_m - visit_m[n]) if n in unseen else (1, least_m)
             gaps_m = [(others_m + count * visit_m[n]) / (count + shown) for count in (1 - shown, MOST_VISITS)]
             ages_s[n] = min(gaps_m) / speed
-        return LaidOut(None, ages_s, visits=True)
+        return LaidOut(False, ages_s, visits=True)
 
     def _visited_round(self, group: Group) -> tuple[Round, Mapping[int, float]]:
         """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
@@ -216,10 +209,10 @@ class Divisions:
             for n, interval_s in due_s.items()
         }
         visits = plan_visits(base, grounds, group.robots)
-        laid_out = with_visits(base, grounds, visits)
+        length_m = base.length_m + sum(visit.length_m for visit in visits)
         gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.zoned.speed
-        ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), laid_out.length_m / speed)
-        return LaidOut(laid_out, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
+        ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), length_m / speed)
+        return LaidOut(True, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
 
     def _list_divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
         count = len(self.zoned.classes)
