@@ -56,7 +56,7 @@ def test_a_run_names_its_patrol_at_the_start_and_the_end(shell: Shell, tmp_path:
     [
         ("committed", {}, {1.0}),
         ("stochastic", {}, {1.0}),
-        ("committed", {"robots": [{"speed": 1.0}, {"speed": 2.0}]}, {0.0}),
+        ("committed", {"robots": [{"speed": 1.0}, {"speed": 2.0}]}, {1.0}),
         ("stochastic", {"sensor": {"range": 10, "angle": 120}}, {0.0}),
         ("potential-field", {}, {None}),
     ],

@@ -67,7 +67,7 @@ DOORS: dict[str, Any] = {
     "patrol": {"policy": "committed"},
     "closures": [
         {"name": "gate", "polygon": [[48, 0], [50, 0], [50, 88], [48, 88]], "closed": [[5, 15]]},
-        {"name": "crate", "polygon": [[20, 40], [26, 40], [26, 46], [20, 46]]},
+        {"name": "crate", "polygon": [[40, 30], [45, 30], [45, 35], [40, 35]]},
     ],
 }
 BY_HAND: dict[int, list[dict[str, Any]]] = {
@@ -175,6 +175,8 @@ RUNS: dict[str, dict[str, Any]] = {
     "trapped": {
         "duration": 200,
         "robots": [BODY, {**BODY, "speed": 0.01}],
+        # So that choices are free: by a plan the first one would see what the other is far from.
+        "sensor": {"angle": 350},
         "patrol": {"policy": "committed"},
         "faults": [{"kind": "kill", "who": "r2", "at": 195}],
     },
