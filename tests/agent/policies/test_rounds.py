@@ -1,4 +1,4 @@
-"""On the round: the ground is kept as fresh as the tour promises, evenly spaced, and a death is made up for."""
+"""On the round: the ground is kept as fresh as the tour promises, and a death is made up for."""
 
 from pathlib import Path
 
