@@ -1,4 +1,4 @@
-"""The default policy: visit the stations of the ground in an order that is drawn.
+"""The default policy and the tour: visit the stations of the ground, by routes for the whole fleet.
 
 A patrol that follows a tour is the freshest, and an intruder that watches it knows where it will be. This one draws
 each next station from good routes for the whole fleet (`agent.policies.common_plan.drawing`). With a fleet key the
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from patrol.zones.division import Divisions, ZonedGround
 
 
-LEAST_STATIONS = 5.0
-"""Least number of stations for each robot that is not spare, where they are drawn: with fewer, another robot sees most
-of what one would plan to see before it."""
+LEAST_STATIONS, LEAST_BEST = 5.0, 2.0
+"""Least number of stations for each robot that is not spare, where they are drawn, and where they are not. With fewer,
+another robot sees most of what one would plan to see before it."""
 
 
 class Drawn:
@@ -67,7 +67,7 @@ class Drawn:
         self._number, self._groups, self._free, self._living = setup.robot.spec.number, groups, free, living
         self._robots = robots
         self._regular = frozenset(spec.number for spec in setup.fleet.roster if not spec.spare)
-        self._least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else 0.0
+        self._least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
         self._believed = Believed(setup, laid_out, free)
         # With zones, what is heard says which robots share the stations, so there is no plan that needs nothing heard.
         self._on_plan = None if has_zones else OnPlan(setup, free)
@@ -126,6 +126,10 @@ class Stochastic(Commitment):
         prepared, number = setup.ground.prepared, setup.robot.spec.number
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         self._round: Round | None = None  # with zones, that of this robot
+        # Where doors may close, each robot knows of other closed ones, so none can tell what the others do.
+        self._shares = not setup.ground.sight.changes
+        if not self._shares:
+            return
         if (divisions := self._free.zones.under(self._weighing)) is not None:
             self._take_zones(divisions)
         elif not prepared.rounds:
@@ -142,14 +146,16 @@ class Stochastic(Commitment):
         ``weights`` are None where all points count alike.
         """
         ground = self._setup.ground
-        if laid_out.stations is None or ground.sight.changes:
+        if laid_out.stations is None:
             return self._free
-        groups_by_round: dict[tuple[object, ...], Groups] = ground.scratch.setdefault("groups", {})
+        # The round is kept, so that no other one gets its identity.
+        groups_by_round: dict[tuple[object, ...], tuple[Round, Groups]] = ground.scratch.setdefault("groups", {})
         question = id(laid_out), self._weighing
         if question not in groups_by_round:
             known, prepared = KnownStations(laid_out, weights), ground.prepared
-            groups_by_round[question] = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
-        groups, has_zones = groups_by_round[question], self.division is not None
+            groups = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
+            groups_by_round[question] = laid_out, groups
+        groups, has_zones = groups_by_round[question][1], self.division is not None
         return Drawn(self._setup, laid_out, groups, self._free, self._living, robots, has_zones)
 
     def _take_zones(self, divisions: Divisions) -> None:
@@ -165,6 +171,8 @@ class Stochastic(Commitment):
             self.division.divide(divisions)
 
     def _update_round(self, view: View) -> None:
+        if not self._shares:
+            return
         if view.weighing != self._weighing:
             self._weighing = view.weighing
             divisions = self._free.zones.under(view.weighing)
@@ -184,7 +192,7 @@ class Stochastic(Commitment):
 
 
 class Committed(Stochastic):
-    """Follows the tour: of the best routes, nothing is drawn."""
+    """Follows the best routes that are found, and draws nothing."""
 
     Options = CommittedOptions
 

@@ -176,7 +176,8 @@ def _not_drawn(prepared: Prepared) -> list[str]:
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
     finder, zoned = TourFinder(prepared), any(zone.weighs for zone in scenario.zones)
-    if why := finder.why_not_divided if zoned else finder.why_no_rounds:
+    why = "doors may close" if scenario.changes_ground else finder.why_no_rounds
+    if why := why or (finder.why_not_divided if zoned else ""):
         return [f"{free}: {why}"]
     if isinstance(scenario.patrol, StochasticPatrol) and scenario.patrol.options.unpredictability == 0.0:
         return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]

@@ -2,7 +2,8 @@
 
 A robot is *trapped* when it has stayed in one circle (`patrol.measures.stays`) for `TRAPPED_S` while no robot has seen
 some point outside of that circle, which its body could go and see. It is trapped until it leaves the circle, or until
-all such points have been seen; in the second case its time counts anew from then on. Positions and fog are given by
+all such points have been seen; in the second case its time counts anew from then on. A robot is not trapped where the
+best division of the fleet needs one to stay, because all of a zone is seen from there. Positions and fog are given by
 the caller, true or believed, live or from a journal.
 """
 
@@ -21,6 +22,9 @@ from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
+from patrol.measures.zoned import ZonedGrounds
+from patrol.scenario.policies import CommittedPatrol, StochasticPatrol
+from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from patrol.changing.open_ground import OpenGround
@@ -82,6 +86,7 @@ class Traps:
         self.stays = Stays({spec.number: roaming_radius(spec, scenario.step) for spec in roster}, scenario.step)
         self.open: dict[int, Trap] = {}  # now, by robot number
         self._prepared = prepared
+        self._zones = ZonedGrounds(prepared)
         self._every = max(round(LOOK_S / scenario.step), 1)
         self._ticks = tick_of(TRAPPED_S, scenario.step)
         self._all_seen: dict[tuple[int, int], int] = {}
@@ -108,7 +113,9 @@ class Traps:
             grid = last_seen()
             if self._open_ground is not None:
                 grid = self._open_ground.last_seen_or_out(number, k, grid)
-            stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
+            stale_point = None
+            if not self._is_on_guard(record, stay):
+                stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
             if stale_point is None:
                 self._all_seen[number, stay.since] = k
                 if number in self.open:
@@ -130,6 +137,22 @@ class Traps:
             if number in self.open or k - since >= self._ticks:
                 stays[number] = stay, since
         return stays
+
+    def _is_on_guard(self, record: TickRecord, stay: Stay) -> bool:
+        """Return True if a robot stays where one is needed: all of the round of a zone lies in its circle."""
+        scenario, terrain = self._prepared.scenario, self._prepared.terrain
+        follows_rounds = isinstance(scenario.patrol, (CommittedPatrol, StochasticPatrol))
+        if not follows_rounds or not any(zone.weighs for zone in scenario.zones):
+            return False
+        divisions = self._zones.under(weighing_at(scenario.zones, record.k * scenario.step))
+        robots = sum(row.status is Status.ALIVE for row in record.robots)
+        assert divisions is not None
+        for group in divisions.divide(max(robots, 1)):
+            rows, cols = np.divmod(divisions.zoned.rounds[group.classes].places, terrain.width)
+            row, col = terrain.point_at(stay.x, stay.y)
+            if ((rows - row) ** 2 + (cols - col) ** 2 <= (stay.radius / terrain.point + 1.0) ** 2).all():
+                return True
+        return False
 
     def _robot_ground(self, number: int) -> BoolGrid:
         if self._grounds is None:

@@ -106,7 +106,8 @@ class Believed:
         self._ages: StationAges | None = None
         self._number, self._step = setup.robot.spec.number, setup.fleet.step
         self._width = setup.ground.terrain.width
-        self._turned_s = TURNED * setup.ground.sight.range_m / setup.robot.spec.speed
+        turned_m = TURNED * setup.ground.sight.range_m
+        self._turned_s = {spec.number: turned_m / spec.speed for spec in setup.fleet.roster}
         regular = [spec.speed for spec in setup.fleet.roster if not spec.spare]
         self._spell_s = SPELL * laid_out.length_m / sum(regular)
 
@@ -196,7 +197,9 @@ class Believed:
         parts, ways = fleet.parts.each, dict(zip(robots, leads, strict=True))
         arrived = [number for number in robots if self._is_done(view, fleet, parts[number])]
         turned = [
-            number for number in robots if number not in arrived and self._has_turned(parts[number], ways[number])
+            number
+            for number in robots
+            if number not in arrived and self._has_turned(number, parts[number], ways[number])
         ]
         if arrived or turned:
             idle = [number for number in robots if not parts[number].route]
@@ -219,10 +222,10 @@ class Believed:
             fleet.parts, part, lambda some: self._ages_of(view, some)
         )
 
-    def _has_turned(self, part: Part, ways_s: Leads) -> bool:
+    def _has_turned(self, number: int, part: Part, ways_s: Leads) -> bool:
         """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
         if not part.route:
             return False
         way_s = float(ways_s[part.route[0]])
         part.least_way_s = min(part.least_way_s, way_s)
-        return way_s > part.least_way_s + self._turned_s
+        return way_s > part.least_way_s + self._turned_s[number]

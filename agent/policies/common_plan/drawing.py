@@ -211,14 +211,15 @@ class Drawing:
             row, part = self.numbers.index(number), parts.each[number]
             if not self._is_best:
                 # The first stations of the others are theirs, and the one that it has just seen is fresh.
-                occupied = [*routes[pinned, 0].tolist(), *(part.route[:1] if number in done else [])]
+                occupied = [*routes[pinned & (counts > 0), 0].tolist(), *(part.route[:1] if number in done else [])]
                 choices = np.union1d(self._list_choices(worth, leads, row, occupied), routes[row, : counts[row]][:1])
                 if choices.size:
                     routes, counts = self._draw_route(routes, counts, pinned, row, choices, inputs, draw)
             elif counts[row]:
-                # What lies before the first station that is worth a visit comes last.
+                # What lies before the first station that is worth a visit comes last, and so does one that is given up.
                 route = routes[row, : counts[row]]
-                route[:] = np.roll(route, -int(worth[route].argmax()))
+                is_next = worth[route] & ~(np.isin(route, part.route[:1]) if number in done else False)
+                route[:] = np.roll(route, -int(is_next.argmax()))
             if not counts[row]:
                 continue  # there are fewer stations than robots
             station = int(routes[row, 0])

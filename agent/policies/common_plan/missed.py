@@ -28,7 +28,7 @@ class Missed:
         """Begin with none."""
         self._fields, self._terrain = setup.ground.fields, setup.ground.terrain
         self._plan, self._number = plan, number
-        # Flat indices; when they should have been seen first, and last; and whether that is twice.
+        # Flat indices; when they should have been seen first and last; and whether they were missed twice.
         self._points, self._due, self._last = np.empty((3, 0), dtype=np.int64)
         self._again = np.empty(0, dtype=np.bool_)
         self._interval = plan.interval_s / plan.step  # in ticks
@@ -60,7 +60,8 @@ class Missed:
         stands = self._find_stands(points)
         # What another one of the plan has seen since is not missed, though its position may have been lost.
         planned = self._plan.last_seen.reshape(-1)[points]
-        is_left = (seen < due) & patrolled & (stands >= 0) & ((planned <= self._last) | (planned > view.tick))
+        is_shown = (planned > self._last) & (planned <= view.tick) & self._plan.seen_by_others(self._number, points)
+        is_left = (seen < due) & patrolled & (stands >= 0) & ~is_shown
         if given_up.now(view.tick).size:
             is_left &= ~given_up.covers(view.tick, stands, self._terrain.width)
         self._points, self._due, self._last = points[is_left], due[is_left], self._last[is_left]

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from agent.policies.common_plan.drawing import Part
     from agent.policies.common_plan.stations import Ages, KnownStations
     from agent.ports import PolicySetup
+    from patrol.ground.footprint import View as Seen
     from patrol.pose import Command
     from patrol.scenario import RobotSpec
 
@@ -57,6 +58,7 @@ class CommonPlan:
         self._counted = np.zeros(prepared.terrain.shape, dtype=np.bool_)
         self._counted.flat[known.points] = True
         self._fog, self._ages = Fog(self._counted), StationAges(known, self.step)
+        self._seen_last_by = np.full(self._counted.size, -1, dtype=np.int16)  # row of a robot
         self.robots = robots
         self.rows = {spec.number: row for row, spec in enumerate(robots)}
         poses = [prepared.starts[spec.number - 1] for spec in robots]
@@ -72,6 +74,10 @@ class CommonPlan:
     def since(self) -> int:
         """The first tick that is remembered."""
         return max(self.origin, self.tick - len(self._poses) + 1)
+
+    def seen_by_others(self, number: int, points: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which points a robot other than that one has seen last, by flat indices."""
+        return np.asarray(self._seen_last_by[points] != self.rows[number])
 
     @property
     def last_seen(self) -> NDArray[np.int32]:
@@ -91,7 +97,10 @@ class CommonPlan:
     def seen_by(self, number: int, tick: int) -> NDArray[np.int64]:
         """Return the points of the round that a robot sees at a tick, flat indices."""
         pose = as_received(Pose(*self._poses[tick % len(self._poses), self.rows[number]].tolist()))
-        view = self._sight.visible(pose)
+        return self._points_in(self._sight.visible(pose))
+
+    def _points_in(self, view: Seen) -> NDArray[np.int64]:
+        """Return the points of the round that are in view, flat indices."""
         rows, cols = np.nonzero(view.mask)
         rows, cols = rows + view.row0, cols + view.col0
         height, width = self._counted.shape
@@ -147,8 +156,10 @@ class CommonPlan:
         """Note where the robots are, and what they see."""
         poses = [(robot.pose.x, robot.pose.y, robot.pose.heading) for robot in self._robots]
         self._poses[self.tick % len(self._poses)] = poses
-        for robot in self._robots:
-            self._fog.observe(self._sight.visible(robot.heard), self.tick)
+        for row, robot in enumerate(self._robots):
+            view = self._sight.visible(robot.heard)
+            self._fog.observe(view, self.tick)
+            self._seen_last_by[self._points_in(view)] = row
 
     def _spread_over_round(self, robots: Sequence[RobotSpec]) -> list[Pose]:
         """Put robots on the round, whose points were seen as they would have passed them."""
@@ -182,10 +193,12 @@ class CommonPlan:
         span, is_there = known.span(part.route[0]), robot.is_there
         if self.tick >= part.until:
             self.last_seen.flat[known.points[span]] = self.tick
+            self._seen_last_by[known.points[span]] = self.rows[robot.spec.number]
             return True
         if is_there:
             # So each stand of the station is gone to once at most.
-            self.last_seen.flat[known.points[span][known.stands[span] == robot.stand]] = self.tick
+            shown = known.points[span][known.stands[span] == robot.stand]
+            self.last_seen.flat[shown], self._seen_last_by[shown] = self.tick, self.rows[robot.spec.number]
         if self._drawing.is_done(self._parts, part, self._ages_s):
             return True
         if is_there:

@@ -82,7 +82,8 @@ def test_other_policies_keep_going_too(policy: str) -> None:
 
 
 def test_a_closure_that_never_closes_changes_nothing_but_what_is_shared() -> None:
-    never = {**BOX, "closes": 1e-9, "opens": 1.0}
-    open_run, closures_run = ran(), ran(never)
+    """For a policy without a plan: one with a plan has none where doors may close."""
+    never, patrol = {**BOX, "closes": 1e-9, "opens": 1.0}, {"policy": "potential-field"}
+    open_run, closures_run = ran(patrol=patrol), ran(never, patrol=patrol)
     traces = [outcome.journal.end.trace_hash for outcome in (open_run, closures_run) if outcome.journal.end]
     assert traces[0] == traces[1]

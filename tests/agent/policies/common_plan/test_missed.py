@@ -25,6 +25,8 @@ class Scene:
         self.planned = np.zeros(self.terrain.shape, dtype=np.int32)
         self.shown: dict[int, list[int]] = {}  # points in view of the plan's robot, by tick
         common: Any = SimpleNamespace(since=0, interval_s=0.5 * INTERVAL, step=0.5, last_seen=self.planned)
+        self.others: set[int] = set()  # points that another planned robot has seen last
+        common.seen_by_others = lambda _number, points: np.isin(points, sorted(self.others))
         common.seen_by = lambda _number, tick: np.array(self.shown.get(tick, []), dtype=np.int64)
         setup: Any = SimpleNamespace(ground=SimpleNamespace(fields=fields, terrain=self.terrain))
         self.missed, self.given_up = Missed(setup, common, 1), GivenUp(0.3, self.terrain.point, 0.5)
@@ -102,7 +104,7 @@ def test_what_another_one_of_the_plan_has_seen_since_is_not_missed(scene: Scene)
     """Its positions may have been lost."""
     point, own = scene.point(1.0, 1.0), scene.point(6.0, 5.0)
     scene.skip(10, point, own)
-    scene.skip(50, own)
+    scene.others = {point}
     scene.planned.flat[[point, own]] = 50
     assert scene.goes_to(10 + round(OVERDUE * INTERVAL) + 1) == own
     scene.last_seen.flat[own] = 300
