@@ -28,7 +28,6 @@ from agent.policies.common_plan.stations import Groups, KnownStations
 from agent.policies.division import Division
 from agent.policies.living import Living
 from patrol.errors import BadInput
-from patrol.measures.best_tour import followers_of
 from patrol.scenario import CommitmentOptions, CommittedOptions, StochasticOptions
 from patrol.zones.division import KEPT
 from patrol.zones.spec import weighing_at
@@ -138,7 +137,7 @@ class Stochastic(Commitment):
                 "that makes a policy which follows rounds needs"
             )
         elif (laid_out := prepared.rounds[number]) is not None:
-            self.choice = self._share(*_find_sharing(setup, laid_out, followers_of(prepared.rounds, number)), None)
+            self.choice = self._share(*_find_sharing(setup, laid_out), None)
 
     def _share(self, laid_out: Round, robots: frozenset[int], weights: NDArray[np.float64] | None) -> Choice:
         """Return the choice on a round that is shared with some robots, this one among them, or a free one.
@@ -197,13 +196,12 @@ class Committed(Stochastic):
     Options = CommittedOptions
 
 
-def _find_sharing(setup: PolicySetup, laid_out: Round, robots: frozenset[int]) -> tuple[Round, frozenset[int]]:
-    """Return the round that a robot shares, and with which of some robots: all whose rounds show the same points.
+def _find_sharing(setup: PolicySetup, laid_out: Round) -> tuple[Round, frozenset[int]]:
+    """Return the round that a robot shares, and with which robots: all whose rounds show the same points.
 
     Of several radii, that of the widest robot, which all the others can follow.
     """
-    all_rounds = setup.ground.prepared.rounds
-    rounds = {number: laid for number in sorted(robots) if (laid := all_rounds[number]) is not None}
+    rounds = {number: laid for number, laid in sorted(setup.ground.prepared.rounds.items()) if laid is not None}
     distinct = {id(shared): shared for shared in rounds.values()}
     points = np.sort(laid_out.points)
     alike = {key for key, other in distinct.items() if np.array_equal(np.sort(other.points), points)}

@@ -177,19 +177,6 @@ def rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     return {number: rounds[id(own)] for number, own in finder.grounds.items()}
 
 
-def followers_of(rounds: Mapping[int, Round | None], number: int) -> frozenset[int]:
-    """Find the robots that share a robot's round, itself included, and those of other radii in its part of the terrain.
-
-    The rounds of other radii lead much the same way, so robots keep their distances from those on them too.
-    """
-    own_round = rounds[number]
-    shared = {id(own_round): True}
-    for laid_out in rounds.values():
-        if id(laid_out) not in shared:
-            shared[id(laid_out)] = bool(own_round and laid_out and np.isin(laid_out.points, own_round.points).any())
-    return frozenset(follower for follower, laid_out in rounds.items() if shared[id(laid_out)])
-
-
 class TourFinder:
     """Finds tours for a fleet.
 

@@ -119,7 +119,7 @@ class ZonedGrounds:
     def _add(self, weighing: Weighing, zoned: ZonedGround) -> Divisions:
         """Add ground; with the same rounds and wishes as other ground, its groups go by the same visits."""
         alike = (
-            known.laid_out
+            known.known
             for known in list(self._known.values())
             if known.zoned.rounds is zoned.rounds and known.zoned.wanted == zoned.wanted
         )

@@ -122,7 +122,7 @@ STOCHASTIC: Final = "stochastic"
 """The policy that draws the next station from good plans."""
 
 COMMITTED: Final = "committed"
-"""The policy that follows a tour."""
+"""The policy that follows the best routes found."""
 
 PAPER: Final = "potential-field"
 """The policy of the paper."""
@@ -198,7 +198,7 @@ class StochasticOptions(CommitmentOptions):
 
 
 class CommittedOptions(CommitmentOptions):
-    """Settings of `committed`: nothing is drawn."""
+    """Settings of `committed`, which follows the best routes found."""
 
     unpredictability: ClassVar[float] = 0.0
 

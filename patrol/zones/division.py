@@ -8,9 +8,10 @@ the one in which the greatest weight times the time between two robots is least:
     one group:   10 * 560 / 6                 = 933
     two groups:  max(1 * 540 / 3, 10 * 60 / 3) = 200      three robots for each
 
-Where a class has a wanted age, divisions that keep it go first. A group whose round is too long for a wanted age comes
-by that class more often than once a round (`patrol.tours.visits`). For example, two robots at 1 m/s on a round of
-172 m come by every 86 s. With a second visit of 20 m they come by every 96 s, and by what is visited every 48 s.
+Where a class has a wanted age, divisions that keep it go first. A group whose round is too long for a wanted age is
+taken to come by that class more often than once a round (`patrol.tours.visits`). For example, two robots at 1 m/s on a
+round of 172 m come by every 86 s. With a second visit of 20 m they come by every 96 s, and by what is visited every
+48 s.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Group(NamedTuple):
     robots: int
 
 
-class LaidOut(NamedTuple):
+class GroupAges(NamedTuple):
     """The ages that a group keeps, or what is known of them before its visits are chosen."""
 
     is_chosen: bool  # True once the visits of its classes are chosen, or it has none
@@ -103,10 +104,10 @@ class ZonedGround:
 class Divisions:
     """The divisions of robots over zoned ground, and what is known of their groups."""
 
-    def __init__(self, zoned: ZonedGround, laid_out: dict[Group, LaidOut] | None = None) -> None:
+    def __init__(self, zoned: ZonedGround, known: dict[Group, GroupAges] | None = None) -> None:
         """Begin without any, or with those of ground that has the same rounds and wishes."""
         self.zoned = zoned
-        self.laid_out = {} if laid_out is None else laid_out
+        self.known = {} if known is None else known
 
     def best_s(self, robots: int) -> float | None:
         """Return `cost_s` of the best division of robots, at least 1; None without rounds."""
@@ -124,7 +125,7 @@ class Divisions:
         while True:
             # Visits take long to choose. They are chosen only in the division that may still be the best one.
             rank, number, groups = ranked[0]
-            bounded = next((group for group in groups if not self._known_round(group).is_chosen), None)
+            bounded = next((group for group in groups if not self._known_ages(group).is_chosen), None)
             if bounded is not None:
                 self._ages_s(bounded)
             elif rank == self._rank_division(groups):
@@ -136,14 +137,14 @@ class Divisions:
 
         It begins with how many times too long the robots take for the wish that is kept worst, at least 1.
         """
-        layouts = [self._known_round(group) for group in groups]
+        all_ages = [self._known_ages(group) for group in groups]
         excess, cost_s = 1.0, 0.0
-        for laid_out in layouts:
-            for number, age_s in laid_out.ages_s.items():
+        for ages in all_ages:
+            for number, age_s in ages.ages_s.items():
                 cost_s = max(cost_s, self.zoned.classes[number] * age_s)
                 if (wanted := self.zoned.wanted[number]) is not None:
                     excess = max(excess, age_s / wanted)
-        return excess, (VISITS if any(laid_out.visits for laid_out in layouts) else 1.0) * cost_s, len(groups)
+        return excess, (VISITS if any(ages.visits for ages in all_ages) else 1.0) * cost_s, len(groups)
 
     def cost_s(self, groups: tuple[Group, ...]) -> float:
         """Return the greatest weight times the time between two robots of a division, s."""
@@ -156,23 +157,23 @@ class Divisions:
 
     def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
         """Return for each class of a group the time between two robots that come by it, s."""
-        if not self._known_round(group).is_chosen:
-            self.laid_out[group] = self._with_visits(group)
-        return self.laid_out[group].ages_s.items()
+        if not self._known_ages(group).is_chosen:
+            self.known[group] = self._chosen_ages(group)
+        return self.known[group].ages_s.items()
 
-    def _known_round(self, group: Group) -> LaidOut:
-        """Return the round of a group, or bounds if it is to have visits that are not chosen yet."""
-        if group not in self.laid_out:
-            self.laid_out[group] = self._bounded_round(group)
-        return self.laid_out[group]
+    def _known_ages(self, group: Group) -> GroupAges:
+        """Return the ages of a group, or bounds if it is to have visits that are not chosen yet."""
+        if group not in self.known:
+            self.known[group] = self._bounded_ages(group)
+        return self.known[group]
 
-    def _bounded_round(self, group: Group) -> LaidOut:
-        """Return the round of a group without visits, or else what none with visits can do better."""
+    def _bounded_ages(self, group: Group) -> GroupAges:
+        """Return the ages on a group's round without visits, or else lower bounds with visits."""
         (first, last), speed = group.classes, group.robots * self.zoned.speed
         base, due_s = self._visited_round(group)
         ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
         if not due_s:
-            return LaidOut(True, ages_s, visits=False)
+            return GroupAges(True, ages_s, visits=False)
         # At least one visit to ground that the round leaves out, and at most MOST_VISITS to any.
         unseen = {n for n in due_s if not np.isin(base.points, self.zoned.rounds[n, n].points).any()}
         visit_m = {
@@ -185,7 +186,7 @@ class Divisions:
             shown, others_m = (0, least_m - visit_m[n]) if n in unseen else (1, least_m)
             gaps_m = [(others_m + count * visit_m[n]) / (count + shown) for count in (1 - shown, MOST_VISITS)]
             ages_s[n] = min(gaps_m) / speed
-        return LaidOut(False, ages_s, visits=True)
+        return GroupAges(False, ages_s, visits=True)
 
     def _visited_round(self, group: Group) -> tuple[Round, Mapping[int, float]]:
         """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
@@ -201,7 +202,7 @@ class Divisions:
             last -= 1  # visits alone show that class
         return self.zoned.rounds[first, last] if late else full_round, late
 
-    def _with_visits(self, group: Group) -> LaidOut:
+    def _chosen_ages(self, group: Group) -> GroupAges:
         base, due_s = self._visited_round(group)
         speed = group.robots * self.zoned.speed
         grounds = {
@@ -212,7 +213,7 @@ class Divisions:
         length_m = base.length_m + sum(visit.length_m for visit in visits)
         gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.zoned.speed
         ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), length_m / speed)
-        return LaidOut(True, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
+        return GroupAges(True, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
 
     def _list_divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
         count = len(self.zoned.classes)

@@ -57,9 +57,11 @@ MOVES_BEST = 8_000
 LATE, LATE_S = 3.0, 15.0
 """A station that is not seen after so many times the way there, and so many seconds, is taken as given up."""
 
-PERIOD_S, PERIOD_BEST_S = 300.0, 3600.0
-"""Time after which all routes begin anew, s: those that were improved again and again are easier to predict; the same
-where nothing is drawn."""
+PERIOD_S = 300.0
+"""Time after which all routes begin anew, s: those that were improved again and again are easier to predict."""
+
+PERIOD_BEST_S = 3600.0
+"""The same where nothing is drawn, s."""
 
 SPELL = 0.1
 """Time for which the draw of a robot and a station stays the same, as a share of the time between two robots on the
@@ -193,7 +195,7 @@ class Drawing:
         ages: Ages,  # of all stations
         leads: Leads,
         draw: Draw,
-        moves_first: int = 0,  # moves by which the routes are improved before
+        moves_first: int = 0,  # moves by which the routes are improved before; where nothing is drawn, `MOVES_BEST`
     ) -> None:
         """Draw the next station of some robots, one after the other."""
         known = self._known

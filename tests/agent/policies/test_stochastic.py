@@ -32,9 +32,10 @@ def patrol(
     model: str = "holonomic",
     options: Mapping[str, Any] | None = None,
     seed: int = 1,
+    policy: str = "stochastic",
     **sections: Any,
 ) -> Prepared:
-    section = {"policy": "stochastic", "options": dict(options or {})}
+    section = {"policy": policy, "options": dict(options or {})}
     sections = {"sensor": {"range": 4.0}, **sections, "patrol": section}
     prepared = prepared_in(rooms(), starts, {**BASE, "model": model}, **sections)
     return replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))

@@ -15,7 +15,7 @@ import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, TourFinder, best_tour, followers_of, rounds_of
+from patrol.measures.best_tour import BestTour, PartTour, TourFinder, best_tour, rounds_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
@@ -249,10 +249,3 @@ def test_large_fleets_and_robots_of_several_speeds_are_not_divided(monkeypatch: 
     assert TourFinder(prepared()).why_not_divided == "its robots have several speeds"
     monkeypatch.setattr(module, "MOST_ROBOTS", 1)
     assert TourFinder(prepared(speeds=ALIKE)).why_not_divided == "the fleet has more than 1 robots"
-
-
-def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
-    assert followers_of(rounds_of(prepared(speeds=ALIKE)), 1) == {1, 2}
-    assert followers_of(rounds_of(prepared(radii=(0.3, 0.6), speeds=ALIKE)), 1) == {1, 2}
-    apart = rounds_of(prepared(door=False, speeds=ALIKE))
-    assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]

@@ -20,8 +20,10 @@ def parts_of(robots: Robots, robot: int = 0) -> dict[int, Part]:
     return drawn_of(robots, robot)._believed._fleet.parts.each
 
 
-def test_robots_that_hear_each_other_find_the_same_parts() -> None:
-    robots = Robots(patrol())
+@pytest.mark.parametrize("policy", ["stochastic", "committed"])
+@pytest.mark.parametrize("speeds", [(1.0, 1.0), (0.5, 1.5)])
+def test_robots_that_hear_each_other_find_the_same_parts(speeds: tuple[float, float], policy: str) -> None:
+    robots = Robots(patrol(speeds=speeds, policy=policy))
     for _ in range(300):
         robots.tick()
         routes = [[part.route for part in parts_of(robots, robot).values()] for robot in (0, 1)]
