@@ -127,3 +127,15 @@ def test_bodies_are_slow_in_slow_zones_with_every_policy(policy: str) -> None:
     assert outcome.verdict.valid, outcome.verdict.failed
     (kept,) = (check for check in outcome.verdict.checks if check.name == "slow zones")
     assert int(kept.detail.split()[0]) > 20
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "committed"])
+def test_a_robot_that_guards_a_zone_is_not_trapped(policy: str) -> None:
+    """Two slow robots: a wanted age of 60 s keeps one of them in the vault."""
+    vault = {"name": "vault", "polygon": [[2, 2], [14, 2], [14, 12], [2, 12]], "age": 60}
+    robots = {"count": 2, "model": "holonomic", "radius": 0.3, "speed": 1.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 300, "robots": robots, "zones": [vault]}
+    outcome = run_in_process(load_scenario({**given, "seed": 1, "patrol": {"policy": policy}}), keep=False)
+    assert outcome.verdict.valid
+    assert not outcome.verdict.warnings
+    assert outcome.summary.zones["vault"].mfow_late_mean_s < 60.0 < outcome.summary.zones["elsewhere"].mfow_late_mean_s
