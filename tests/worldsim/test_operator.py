@@ -199,7 +199,7 @@ def test_a_held_world_waits_until_it_is_told_to_stop() -> None:
 
 DOORS: dict[str, Any] = {
     **SMALL,
-    "patrol": {"policy": "committed"},
+    "patrol": {"policy": "potential-field"},
     "closures": [
         {"name": "gate", "polygon": [[30, 0], [32, 0], [32, 60], [30, 60]], "closed": [[4, 9]]},
         {"name": "door", "polygon": [[50, 20], [52, 20], [52, 60], [50, 60]], "closes": 0.2, "opens": 0.2},
