@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from patrol.zones.division import Divisions, ZonedGround
 
 
-LEAST_STATIONS, LEAST_BEST = 5.0, 2.0
+LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
 """Least number of stations for each robot that is not spare, where they are drawn, and where they are not. With fewer,
 another robot sees most of what one would plan to see before it."""
 
