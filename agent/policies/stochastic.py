@@ -1,8 +1,9 @@
 """The default policy and the tour: visit the stations of the ground, by routes for the whole fleet.
 
-A patrol that follows a tour is the freshest, and an intruder that watches it knows where it will be. This one draws
-each next station from good routes for the whole fleet (`agent.policies.common_plan.drawing`). With a fleet key the
-draws come from the key, so only the fleet can compute them (`agent.chance`).
+Robots that follow the best routes keep the ground freshest, and an intruder that watches them knows where they will be.
+That is the tour (`Committed`). The default (`Stochastic`) draws each next station from good routes
+(`agent.policies.common_plan.drawing`). With a fleet key the draws come from the key, so only the fleet can compute them
+(`agent.chance`).
 
 No robot says where it is going. Each works out what all do, and takes its own part:
 

@@ -86,12 +86,12 @@ class Traps:
         self.stays = Stays({spec.number: roaming_radius(spec, scenario.step) for spec in roster}, scenario.step)
         self.open: dict[int, Trap] = {}  # now, by robot number
         self._prepared = prepared
-        self._zones = ZonedGrounds(prepared)
         self._every = max(round(LOOK_S / scenario.step), 1)
         self._ticks = tick_of(TRAPPED_S, scenario.step)
         self._all_seen: dict[tuple[int, int], int] = {}
         """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None
+        self._zones = ZonedGrounds(prepared)
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
         """Take in a tick; return the traps found in it (``until`` is None), and those that are over.

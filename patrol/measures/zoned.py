@@ -117,9 +117,9 @@ class ZonedGrounds:
         return divisions
 
     def _add(self, weighing: Weighing, zoned: ZonedGround) -> Divisions:
-        """Add ground; with the same rounds and wishes as other ground, its groups go by the same visits."""
+        """Add ground; with the same rounds and wishes as other ground, its groups keep the same ages."""
         alike = (
-            known.known
+            known.group_ages
             for known in list(self._known.values())
             if known.zoned.rounds is zoned.rounds and known.zoned.wanted == zoned.wanted
         )

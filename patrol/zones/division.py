@@ -104,10 +104,10 @@ class ZonedGround:
 class Divisions:
     """The divisions of robots over zoned ground, and what is known of their groups."""
 
-    def __init__(self, zoned: ZonedGround, known: dict[Group, GroupAges] | None = None) -> None:
+    def __init__(self, zoned: ZonedGround, group_ages: dict[Group, GroupAges] | None = None) -> None:
         """Begin without any, or with those of ground that has the same rounds and wishes."""
         self.zoned = zoned
-        self.known = {} if known is None else known
+        self.group_ages = {} if group_ages is None else group_ages
 
     def best_s(self, robots: int) -> float | None:
         """Return `cost_s` of the best division of robots, at least 1; None without rounds."""
@@ -158,14 +158,14 @@ class Divisions:
     def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
         """Return for each class of a group the time between two robots that come by it, s."""
         if not self._known_ages(group).is_chosen:
-            self.known[group] = self._chosen_ages(group)
-        return self.known[group].ages_s.items()
+            self.group_ages[group] = self._chosen_ages(group)
+        return self.group_ages[group].ages_s.items()
 
     def _known_ages(self, group: Group) -> GroupAges:
         """Return the ages of a group, or bounds if it is to have visits that are not chosen yet."""
-        if group not in self.known:
-            self.known[group] = self._bounded_ages(group)
-        return self.known[group]
+        if group not in self.group_ages:
+            self.group_ages[group] = self._bounded_ages(group)
+        return self.group_ages[group]
 
     def _bounded_ages(self, group: Group) -> GroupAges:
         """Return the ages on a group's round without visits, or else lower bounds with visits."""

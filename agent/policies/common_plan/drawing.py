@@ -220,7 +220,8 @@ class Drawing:
             elif counts[row]:
                 # What lies before the first station that is worth a visit comes last, and so does one that is given up.
                 route = routes[row, : counts[row]]
-                is_next = worth[route] & ~(np.isin(route, part.route[:1]) if number in done else False)
+                left = part.route[0] if number in done else -1
+                is_next = worth[route] & (route != left)
                 route[:] = np.roll(route, -int(is_next.argmax()))
             if not counts[row]:
                 continue  # there are fewer stations than robots
@@ -275,9 +276,9 @@ def _put_behind(rows: list[list[int]], row: int, worth: NDArray[np.bool_], apart
     Each is put behind the nearest last station. So on a round a robot leaves what it has seen to the one behind it.
     """
     route = rows[row]
-    until = next((index for index in range(1, len(route)) if worth[route[index]]), 1)
     # A route keeps a station.
-    seen, rows[row] = route[: min(until, len(route) - 1)], route[min(until, len(route) - 1) :]
+    until = next((index for index in range(1, len(route)) if worth[route[index]]), min(1, len(route) - 1))
+    seen, rows[row] = route[:until], route[until:]
     for station in seen:
         min((route for route in rows if route), key=lambda route: float(apart_m[route[-1], station])).append(station)
 

@@ -67,7 +67,7 @@ class Missed:
         self._points, self._due, self._last = points[is_left], due[is_left], self._last[is_left]
         self._again = self._again[is_left]
         if self._chosen is None or self._chosen not in self._points:
-            is_ahead = self._plan.last_seen.reshape(-1)[self._points] > view.tick
+            is_ahead = planned[is_left] > view.tick
             is_due = (view.tick - self._due > OVERDUE * self._interval) & ~is_ahead
             overdue = self._points[is_due | self._again]
             self._chosen = self._find_nearest(view, overdue) if overdue.size else None
