@@ -254,7 +254,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         launch.start()
         prepared = prepared or prepare(scenario)
         _announce_run(prepared, folder, options)
-        prepared = _find_rounds(prepared, options.display, switched=True)
+        prepared = _find_rounds(prepared, options.display)
         _write_static(prepared, folder)
         _begin_run(options)
         folder.unfinished_static.rename(folder.static)
@@ -338,14 +338,14 @@ def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
     return fault_free_mfow(prepared, options.stop)
 
 
-def _find_rounds(prepared: Prepared, display: RunDisplay, *, switched: bool = False) -> Prepared:
+def _find_rounds(prepared: Prepared, display: RunDisplay) -> Prepared:
     """Find what robots follow, and show it where that may take a minute (`with_rounds`)."""
     needed, points = prepared.scenario.patrol.needs_rounds, np.count_nonzero(prepared.patrolled)
     shown = needed and points > LARGE_POINTS
     step = f"finding a short tour of {points * prepared.terrain.point_area:.0f} m², which is kept for later runs"
     if shown:
         display.progress(step)
-    prepared = with_rounds(prepared, needed, switched=switched)
+    prepared = with_rounds(prepared, needed)
     if shown:
         display.progress(step, 1.0)
     return prepared

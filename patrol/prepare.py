@@ -1,6 +1,6 @@
 """Everything about a scenario that never changes while it runs: the terrain, the starts, each body's static fields.
 
-`prepare` finds the ground. What robots follow on it, rounds and the ground of zones, takes seconds to find and is of
+`prepare` finds the ground. What robots follow on it, rounds and the weights of zones, takes seconds to find and is of
 use to those that run minds only, so it is a step of its own: `patrol.measures.zoned.with_rounds`.
 
 The launcher prepares once and saves; its children load the same arrays memory-mapped, so a fleet holds one copy.
@@ -33,7 +33,6 @@ from patrol.pose import Pose
 from patrol.scenario.sections import VERTICES
 from patrol.tours.round import Round
 from patrol.zones.checks import check_zones_on_ground
-from patrol.zones.division import ZonedGround
 from patrol.zones.ground import with_zones
 
 if TYPE_CHECKING:
@@ -42,7 +41,6 @@ if TYPE_CHECKING:
     from patrol.radio.inbox import Inboxes
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
-    from patrol.zones.spec import Weighing
 
 __all__ = ["Prepared", "prepare", "sensor_footprint"]
 
@@ -51,7 +49,6 @@ TICKS_APART = 4
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
-ZONED = "zoned"
 BY_ROBOT = ("fields", "regions", "rounds")
 """What is kept for each robot; robots may share it."""
 
@@ -71,8 +68,8 @@ class Prepared:
     regions: Mapping[int, RegionSplit] = field(default_factory=dict)  # by number; none where paths lead through none
     # by robot number, without zones; none before `patrol.measures.zoned.with_rounds`
     rounds: Mapping[int, Round | None] = field(default_factory=dict)
-    # by zones in force and their weights; empty before the same, and without zones that weigh
-    zoned: Mapping[Weighing, ZonedGround] = field(default_factory=dict)
+    # by name of the zones that weigh, as at first; empty before the same, and without any
+    zone_weights: Mapping[str, float] = field(default_factory=dict)
 
     def open_ground(self) -> OpenGround | None:
         """Begin to follow the ground that is open to view; None where nothing ever closes."""
@@ -118,14 +115,12 @@ class Prepared:
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON."""
         save_grids(folder, self.terrain, GROUND)
-        for number, zoned in enumerate(self.zoned.values()):
-            zoned.save(folder / f"{ZONED}-{number}")
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
             "origin": list(self.terrain.origin),
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
-            "zoned": [sorted(weighing) for weighing in self.zoned],
+            "zone_weights": dict(self.zone_weights),
         }
         for name in BY_ROBOT:
             parts: Mapping[int, Any] = getattr(self, name)
@@ -159,10 +154,7 @@ class Prepared:
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             closable=closable_ground(scenario, terrain),
-            zoned={
-                frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
-                for number, weighing in enumerate(facts["zoned"])
-            },
+            zone_weights=facts["zone_weights"],
             **by_robot,
         )
 

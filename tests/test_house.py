@@ -363,7 +363,6 @@ OWN_FILES = {
     "patrol/kernel_cache.py": "the user's own cache, and kernels of the packages",
     "runtime/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
     "patrol/tours/round.py": "the user's own cache",
-    "patrol/zones/division.py": "fields that the launcher prepared",
     "patrol/prepare.py": "fields that the launcher prepared",
     "runtime/process/lifeline.py": "the kernel's facts about this process",
     "runtime/starting/environment.py": "the kernel's facts about this process",

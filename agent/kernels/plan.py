@@ -119,7 +119,7 @@ NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 TIMES = types.Array(types.float64, 2, "C", readonly=True)
-INPUTS = (TIMES, TIMES, ROW, ROW, NEAR)
+INPUTS = (TIMES, TIMES, ROW, ROW, ROW, NEAR)
 PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
@@ -144,8 +144,8 @@ def _draw_below(state, limit):
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
-@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, NOTED, NOTED), cache=True, nogil=True)
-def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, costs, arrivals):
+@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, ROW, NOTED, NOTED), cache=True, nogil=True)
+def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, rates, costs, arrivals):
     """Return the cost of a robot's route with another tail, `tail[since:count]`.
 
     That is the sum of the eighth powers of the stations' ages when the robot visits them.
@@ -156,7 +156,7 @@ def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, costs, a
         here = tail[k]
         # The first leg begins at the robot and not at a station.
         arrival = leads[robot, here] if k == 0 else arrival + apart[before, here] * paces[robot]
-        age = ages[here] + arrival
+        age = ages[here] + rates[here] * arrival
         square = age * age
         fourth = square * square
         cost += fourth * fourth  # the oldest stations count most, and do not count alone
@@ -165,11 +165,11 @@ def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, costs, a
 
 
 @njit(
-    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, NOTED, NOTED, COUNTS, COUNTS),
+    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, ROW, NOTED, NOTED, COUNTS, COUNTS),
     cache=True,
     nogil=True,
 )
-def _note(routes, robot, tail, since, count, leads, apart, paces, ages, costs, arrivals, owner, position):
+def _note(routes, robot, tail, since, count, leads, apart, paces, ages, rates, costs, arrivals, owner, position):
     """Give a robot's route another tail, as of `_cost`; note whose its stations are, and what they cost up to each."""
     for k in range(since, count):
         here = tail[k]
@@ -178,14 +178,14 @@ def _note(routes, robot, tail, since, count, leads, apart, paces, ages, costs, a
         arrival = (
             leads[robot, here] if k == 0 else arrivals[robot, k] + apart[routes[robot, k - 1], here] * paces[robot]
         )
-        age = ages[here] + arrival
+        age = ages[here] + rates[here] * arrival
         square = age * age
         fourth = square * square
         costs[robot, k + 1], arrivals[robot, k + 1] = costs[robot, k] + fourth * fourth, arrival
 
 
 @njit(float64(ROUTES, COUNTS, PINNED, *INPUTS, int64, STATE), cache=True, nogil=True)
-def _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, state):
+def _improve(routes, counts, pinned, leads, apart, paces, ages, rates, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
     A move puts up to three stations of a route beside a near one, reverses a stretch of one route, or swaps the ends of
@@ -196,7 +196,7 @@ def _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, sta
     # Of as many of a route's first stations as the index says: their cost, and when the last is visited.
     costs, arrivals = np.zeros((robots, size + 1)), np.zeros((robots, size + 1))
     for r in range(robots):
-        _note(routes, r, routes[r], 0, counts[r], leads, apart, paces, ages, costs, arrivals, owner, position)
+        _note(routes, r, routes[r], 0, counts[r], leads, apart, paces, ages, rates, costs, arrivals, owner, position)
     # What a move puts behind the stations that stay, at the places where it would stand.
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
@@ -251,21 +251,51 @@ def _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, sta
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
         cost_before = costs[q, counts[q]]
-        cost_after = _cost(routes, q, second, second_since, second_count, leads, apart, paces, ages, costs, arrivals)
+        cost_after = _cost(
+            routes, q, second, second_since, second_count, leads, apart, paces, ages, rates, costs, arrivals
+        )
         if r != q:
             cost_before += costs[r, counts[r]]
-            cost_after += _cost(routes, r, first, first_since, first_count, leads, apart, paces, ages, costs, arrivals)
+            cost_after += _cost(
+                routes, r, first, first_since, first_count, leads, apart, paces, ages, rates, costs, arrivals
+            )
         # A plan of the same cost is taken too: it may lead on to better ones.
         if cost_after > cost_before:
             continue
         counts[q] = second_count
         _note(
-            routes, q, second, second_since, second_count, leads, apart, paces, ages, costs, arrivals, owner, position
+            routes,
+            q,
+            second,
+            second_since,
+            second_count,
+            leads,
+            apart,
+            paces,
+            ages,
+            rates,
+            costs,
+            arrivals,
+            owner,
+            position,
         )
         if r != q:
             counts[r] = first_count
             _note(
-                routes, r, first, first_since, first_count, leads, apart, paces, ages, costs, arrivals, owner, position
+                routes,
+                r,
+                first,
+                first_since,
+                first_count,
+                leads,
+                apart,
+                paces,
+                ages,
+                rates,
+                costs,
+                arrivals,
+                owner,
+                position,
             )
     total = 0.0
     for r in range(robots):
@@ -274,7 +304,7 @@ def _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, sta
 
 
 @njit(types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64), cache=True, nogil=True)
-def improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, seed):
+def improve(routes, counts, pinned, leads, apart, paces, ages, rates, near, moves, seed):
     """Improve a plan.
 
     Args:
@@ -285,12 +315,13 @@ def improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, seed
         apart: float64 (stations, stations), length of the way from each station to each, m.
         paces: float64 (robots,), time that each robot takes for a metre, s.
         ages: float64 (stations,), weighted age of each station now, s.
+        rates: float64 (stations,), by how much that grows in a second.
         near: int64 (stations, n), the nearest stations of each.
         moves: How many moves are tried.
         seed: Of the draws.
     """
     state = np.array([seed], dtype=np.uint64)
-    _improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, state)
+    _improve(routes, counts, pinned, leads, apart, paces, ages, rates, near, moves, state)
 
 
 @njit(
@@ -299,7 +330,22 @@ def improve(routes, counts, pinned, leads, apart, paces, ages, near, moves, seed
     nogil=True,
 )
 def compare(
-    routes, counts, pinned, robot, choices, leads, apart, paces, ages, near, moves, seed, plans, plan_counts, costs
+    routes,
+    counts,
+    pinned,
+    robot,
+    choices,
+    leads,
+    apart,
+    paces,
+    ages,
+    rates,
+    near,
+    moves,
+    seed,
+    plans,
+    plan_counts,
+    costs,
 ):
     """Find for each of some stations the plan in which one robot visits it first.
 
@@ -313,6 +359,7 @@ def compare(
         apart: As for `improve`.
         paces: As for `improve`.
         ages: As for `improve`.
+        rates: As for `improve`.
         near: As for `improve`.
         moves: How many moves are tried for each.
         seed: Of the draws, which are the same for each.
@@ -339,5 +386,5 @@ def compare(
         plan_counts[c, robot] = route_length + 1
         # The same draws for each choice, so that costs differ by the choice and not by luck.
         state = np.array([seed], dtype=np.uint64)
-        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, paces, ages, near, moves, state)
+        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, paces, ages, rates, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

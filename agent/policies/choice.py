@@ -28,7 +28,7 @@ from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that
 from agent.policies.pursuit import TRIES, Target, age_of
 from agent.routes.ground import NO_PATHS, BoxPaths
 from agent.routes.wave import LONGEST, Box, box_around, paths_in
-from patrol.measures.zoned import ZonedGrounds
+from patrol.measures.zoned import ZonedGround
 from patrol.radio.peers import places_of
 
 if TYPE_CHECKING:
@@ -93,8 +93,8 @@ class FreeChoice:
         self._reach = self._least_reach
         scratch = setup.ground.scratch
         if "zones" not in scratch:
-            scratch["zones"] = ZonedGrounds(setup.ground.prepared)
-        self.zones: ZonedGrounds = scratch["zones"]
+            scratch["zones"] = ZonedGround(setup.ground.prepared)
+        self._zones: ZonedGround = scratch["zones"]
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Return True, as each choice is free."""
@@ -108,9 +108,6 @@ class FreeChoice:
 
     def forget(self) -> None:
         """Do nothing, as nothing is kept."""
-
-    def follow_with(self, robots: frozenset[int]) -> None:
-        """Do nothing, as nothing is shared."""
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the best point of all, and return the way there."""
@@ -142,18 +139,18 @@ class FreeChoice:
     def _weigh_ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones, at most `MOST_AGE`."""
         fog = view.fog
-        divisions = self.zones.under(view.weighing)
-        if divisions is None and view.mfow <= MOST_AGE:
+        weights = self._zones.under(view.weighing)
+        if weights is None and view.mfow <= MOST_AGE:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weights = 1.0 if divisions is None else divisions.zoned.weights
-        weighted = np.where(counts, weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        ages = view.tick - np.maximum(fog.last_seen, 0)
+        weighted = np.where(counts, 1.0 * ages if weights is None else weights * ages, 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest
-        ages = np.rint(weighted).astype(np.int32)
-        greatest = int(ages.max())
-        last_seen = np.ascontiguousarray(np.int32(greatest) - ages)
+        rounded = np.rint(weighted).astype(np.int32)
+        greatest = int(rounded.max())
+        last_seen = np.ascontiguousarray(np.int32(greatest) - rounded)
         return Ages(np.ascontiguousarray(counts), last_seen, last_seen, greatest, greatest)
 
     def _search_best(

@@ -47,10 +47,6 @@ class Choice(Protocol):
         """Begin anew, as after a restart: the robot was away to charge."""
         ...
 
-    def follow_with(self, robots: frozenset[int]) -> None:
-        """Share the round, if any, with some robots, this one among them, from now on."""
-        ...
-
 
 class Commitment:
     """Chooses freely and keeps to the target; the base of policies that choose on a round."""
@@ -84,7 +80,7 @@ class Commitment:
             pursuit.target = None
             self.choice.forget()
         self._separation.keep_apart(view)
-        self._update_round(view)
+        self._update_zones(view)
         chooses_freely = self.choice.note(view, pursuit)
         start, wander = view.start, self._random_steps.draw(view) if chooses_freely else None
         if start is None:
@@ -123,8 +119,8 @@ class Commitment:
         """Return the state to report for a robot that goes by a free choice, or by the shared round."""
         return State.FREE if is_free and self.follows_rounds else State.PATROLLING
 
-    def _update_round(self, view: View) -> None:
-        """Update the robots and the ground of the shared round."""
+    def _update_zones(self, view: View) -> None:
+        """Go by the zones that are in force now."""
 
 
 def _along(place: Place, leg: Leg) -> Place:

@@ -130,7 +130,7 @@ def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
 
 def _read_numbers(text: str) -> range:
     """Read numbers of robots: N or N-M."""
-    from patrol.measures.best_tour import MOST_ROBOTS  # here: it imports kernels
+    from fogwatch.planning.plan import MOST_ROBOTS  # here: it imports kernels
 
     match = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", text.strip())
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)

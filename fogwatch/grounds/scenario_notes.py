@@ -12,8 +12,8 @@ from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.fog import Fog
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts
-from patrol.measures.best_tour import MOST_ROBOTS, TourFinder
-from patrol.measures.zoned import ZonedGrounds, zone_weights
+from patrol.measures.best_tour import TourFinder, best_tour
+from patrol.measures.zoned import zone_weights
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.radio.message import as_received
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
@@ -24,9 +24,7 @@ from patrol.zones.spec import points_of
 if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport
     from patrol.ground.left_out import LeftOut
-    from patrol.ground.terrain import Terrain
-    from patrol.zones.division import Divisions
-    from patrol.zones.spec import ZoneSpec
+    from patrol.ground.terrain import BoolGrid, Terrain
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
@@ -45,8 +43,6 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         )
     yield f"zones: {len(zones)}{fleet}"
     weights = zone_weights(prepared)
-    # As if all zones were in force with their first weights.
-    divisions = ZonedGrounds(prepared).under(frozenset((zone.name, zone.weight) for zone in zones if zone.weighs))
     area = prepared.terrain.point_area
     for zone in zones:
         points = points_of(zone, prepared.terrain)
@@ -62,7 +58,7 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
             continue
         seen_m2 = np.count_nonzero(points & prepared.patrolled) * area
-        wish = "" if divisions is None or zone.age is None else f"; {_wish_text(zone, divisions, prepared, robots)}"
+        wish = "" if zone.age is None else f"; {_wish_text(zone.age, points, prepared)}"
         yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen_m2:.1f} m² to patrol{wish}{times}"
     inside = [points_of(zone, prepared.terrain) for zone in zones if zone.keep_out]
     if inside:
@@ -73,18 +69,15 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
 
 
-def _wish_text(zone: ZoneSpec, divisions: Divisions, prepared: Prepared, robots: int) -> str:
-    """Say whether robots can keep a zone's wanted age on the rounds of the best division, or else how many could."""
-    wanted, zoned = f"wanted age {zone.age:g} s", divisions.zoned
-    if not zoned.rounds:
-        return f"{wanted}: not judged, as there are no rounds over these zones"
-    points = points_of(zone, prepared.terrain) & prepared.patrolled
-    number = zoned.classes.index(float(zoned.weights[points].min()))
-    if divisions.wish_kept(divisions.divide(robots), number):
-        return f"{wanted}: {robots} robots can keep it"
-    enough = [n for n in range(robots + 1, MOST_ROBOTS + 1) if divisions.wish_kept(divisions.divide(n), number)]
-    remedy = f"{enough[0]} robots could" if enough else f"nor could {MOST_ROBOTS}"
-    return f"{wanted}: cannot be kept by {robots} robots; {remedy}"
+def _wish_text(age_s: float, points: BoolGrid, prepared: Prepared) -> str:
+    """Say how much of the fleet it takes to keep the wanted age of a zone's points."""
+    robots, wanted = prepared.scenario.team, f"wanted age {age_s:g} s"
+    tour_s = best_tour(prepared, points).bound_of_fleet_s(prepared.scenario)
+    if tour_s is None:
+        return f"{wanted}: not judged, as there is no tour of this zone"
+    needed = robots * tour_s / age_s
+    takes = f"its tour takes {needed:.1f} of {robots} robots"
+    return f"{wanted}: {takes}" if needed <= robots else f"{wanted}: cannot be kept, as {takes}"
 
 
 def closure_lines(prepared: Prepared) -> Iterator[str]:
@@ -175,9 +168,7 @@ def _not_drawn(prepared: Prepared) -> list[str]:
     if policy not in (PATROLS[STOCHASTIC].policy, PATROLS[TOUR].policy):
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
-    finder, zoned = TourFinder(prepared), any(zone.weighs for zone in scenario.zones)
-    why = "doors may close" if scenario.changes_ground else finder.why_no_rounds
-    if why := why or (finder.why_not_divided if zoned else ""):
+    if why := "doors may close" if scenario.changes_ground else TourFinder(prepared).why_no_rounds:
         return [f"{free}: {why}"]
     if isinstance(scenario.patrol, StochasticPatrol) and scenario.patrol.options.unpredictability == 0.0:
         return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]

@@ -27,7 +27,7 @@ from fogwatch.terminal.live_table import robots_text
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED
-from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
+from patrol.measures.best_tour import BestTour, best_tour
 from patrol.prepare import Prepared, prepare, terrain_of
 from patrol.scenario import RobotGroup, changed_scenario
 from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.journal import TickRecord
     from patrol.scenario import Scenario
+
+MOST_ROBOTS = 24
+"""Robots of the largest fleet that is simulated."""
 
 LEAST_S = 600.0
 """Shortest simulated run unless its length is given, s."""

@@ -173,7 +173,7 @@ def plan(
 
 def _check_numbers(robots: int | Sequence[int]) -> list[int]:
     """Check numbers of robots."""
-    from patrol.measures.best_tour import MOST_ROBOTS
+    from fogwatch.planning.plan import MOST_ROBOTS
 
     numbers = [robots] if isinstance(robots, int) else list(robots) if isinstance(robots, Iterable) else []
     if not all(isinstance(number, int) for number in numbers):

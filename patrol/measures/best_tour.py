@@ -79,9 +79,6 @@ FOUND = Path(__file__).parent.parent / "tours" / "found"
 VERSION = 2
 """Version of the search: a change of `patrol.tours` that gives other tours or rounds adds 1."""
 
-MOST_ROBOTS = 24
-"""Robots of the largest fleet that is divided between the rounds of zones."""
-
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
 
@@ -137,8 +134,8 @@ class BestTour:
         return self.bound_s({spec.number: 1.0 for spec in scenario.roster if not spec.spare})
 
 
-def best_tour(prepared: Prepared) -> BestTour:
-    """Find the tours of a fleet, or take them from the cache.
+def best_tour(prepared: Prepared, ground: BoolGrid | None = None) -> BestTour:
+    """Find the tours of a fleet over all ground or some of it, or take them from the cache.
 
     In a fleet of several radii, the larger bodies see what they can, and the smaller ones the rest.
     """
@@ -149,7 +146,7 @@ def best_tour(prepared: Prepared) -> BestTour:
     for number, own in finder.grounds.items():
         groups.setdefault(id(own), []).append(number)
     specs = {spec.number: spec for spec in prepared.scenario.roster}
-    uncovered = prepared.patrolled.copy()
+    uncovered = prepared.patrolled.copy() if ground is None else prepared.patrolled & ground
     parts = []
     for robots in sorted(groups.values(), key=lambda robots: -specs[robots[0]].radius):
         own = finder.grounds[robots[0]]
@@ -184,7 +181,7 @@ class TourFinder:
     """
 
     def __init__(self, prepared: Prepared) -> None:
-        self._prepared, self._roster, self.terrain = prepared, prepared.scenario.roster, prepared.terrain
+        self._prepared, self.terrain = prepared, prepared.terrain
         self._footprint = footprint = sensor_footprint(prepared.scenario, prepared.terrain)
         identity = _sensor_identity(prepared.scenario.sensor)
         self.sees_all_round = footprint.all_round and not footprint.leaves_age and identity is not None
@@ -204,15 +201,6 @@ class TourFinder:
                 "package"
             )
         return ""
-
-    @property
-    def why_not_divided(self) -> str:
-        """The reason that the fleet is not divided between the rounds of zones; empty where it may be."""
-        if self.why_no_rounds:
-            return self.why_no_rounds
-        if len(self._roster) > MOST_ROBOTS:
-            return f"the fleet has more than {MOST_ROBOTS} robots"
-        return "its robots have several speeds" if len({spec.speed for spec in self._roster}) > 1 else ""
 
     def find(self, own: OwnGround, ground: BoolGrid) -> Tour | None:
         """Find a tour over a part of a robot's own ground: known to this process, in the cache, or by a search.

@@ -22,7 +22,7 @@ from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
-from patrol.measures.zoned import ZonedGrounds
+from patrol.measures.zoned import ZonedGround
 from patrol.scenario.policies import CommittedPatrol, StochasticPatrol
 from patrol.zones.spec import weighing_at
 
@@ -91,7 +91,7 @@ class Traps:
         self._all_seen: dict[tuple[int, int], int] = {}
         """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None
-        self._zones = ZonedGrounds(prepared)
+        self._zones = ZonedGround(prepared)
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
         """Take in a tick; return the traps found in it (``until`` is None), and those that are over.
@@ -139,20 +139,13 @@ class Traps:
         return stays
 
     def _is_on_guard(self, record: TickRecord, stay: Stay) -> bool:
-        """Return True if a robot stays where one is needed: all of the round of a zone lies in its circle."""
+        """Return True if a robot stays in a zone whose ground counts more than other ground."""
         scenario, terrain = self._prepared.scenario, self._prepared.terrain
         follows_rounds = isinstance(scenario.patrol, (CommittedPatrol, StochasticPatrol))
-        if not follows_rounds or not any(zone.weighs for zone in scenario.zones):
+        if not follows_rounds:
             return False
-        divisions = self._zones.under(weighing_at(scenario.zones, record.k * scenario.step))
-        robots = sum(row.status is Status.ALIVE for row in record.robots)
-        assert divisions is not None
-        for group in divisions.divide(max(robots, 1)):
-            rows, cols = np.divmod(divisions.zoned.rounds[group.classes].places, terrain.width)
-            row, col = terrain.point_at(stay.x, stay.y)
-            if ((rows - row) ** 2 + (cols - col) ** 2 <= (stay.radius / terrain.point + 1.0) ** 2).all():
-                return True
-        return False
+        weights = self._zones.under(weighing_at(scenario.zones, record.k * scenario.step))
+        return weights is not None and float(weights[terrain.point_at(stay.x, stay.y)]) > 1.0
 
     def _robot_ground(self, number: int) -> BoolGrid:
         if self._grounds is None:

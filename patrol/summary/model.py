@@ -394,11 +394,11 @@ class Summary(_Part):
     ] = None
     mfow_weighted_late_mean_s: Annotated[float | None, Metric("the same over the second half", better="lower")] = None
     mfow_weighted_max_s: Annotated[float | None, Metric("largest of these", better="lower")] = None
-    best_weighted_s: Annotated[
+    bound_weighted_s: Annotated[
         float | None,
         Metric(
-            "the same of all robots that are not spare on the [best weighted tours](zones.md#what-robots-do), by the "
-            "zones in force in each tick; null where there are none"
+            "[what that can hardly be less than](zones.md#figures), by the zones in force in each tick; null without "
+            "tours, or with more than four weights"
         ),
     ] = None
     zones: Annotated[

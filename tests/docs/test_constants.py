@@ -24,13 +24,12 @@ from monitor.page.authorisation import MIN_TOKEN_LENGTH
 from monitor.page.hub import TRAIL
 from patrol import areas
 from patrol.closures.spec import MOST_CLOSURES
-from patrol.measures import best_tour, nodes, stays
+from patrol.measures import nodes, stays, zoned
 from patrol.radio import message
 from patrol.regions.pieces import MOST_CORNERS, POCKET, SMOOTHED
 from patrol.scenario import step
 from patrol.tours import search
 from patrol.tours.round import STRETCH
-from patrol.zones import division
 from ros2.robot import steering, stops
 from runtime.net.settings import MOST_STRANGERS
 from runtime.process.deadline import DECISION_LIMIT_S, MOST_CALLS
@@ -73,11 +72,10 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "at # ticks a tick (`CATCH_UP`)", (following.CATCH_UP,)),
     ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
     ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`,", (stochastic.LEAST_STATIONS,)),
-    ("algorithm", "stands for a wanted age times # more (`KEPT`)", (division.KEPT,)),
+    ("zones", "counts # times more than that (`MARGIN`)", (stochastic.MARGIN,)),
     ("algorithm", "by # small moves each time (`MOVES_BEST`)", (drawing.MOVES_BEST,)),
     ("algorithm", "anew after # s (`PERIOD_BEST_S`)", (drawing.PERIOD_BEST_S,)),
     ("algorithm", "at least # stations for each (`LEAST_BEST`)", (stochastic.LEAST_BEST,)),
-    ("algorithm", "in a fleet of more than # robots", (best_tour.MOST_ROBOTS,)),
     ("algorithm", "or a tour of # places", (search.MOST_PLACES,)),
     ("algorithm", "(# million points,", (search.MOST_POINTS / 1e6,)),
     ("algorithm", "Reverse costs # times forward", (manoeuvre.REVERSE,)),
@@ -116,7 +114,6 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("faults", "second's worth, at least # bytes", (LEAST_BUCKET,)),
     # --- limits ------------------------------------------------------------------------------------------------------
     ("closures", "at most #, with # times each", (MOST_CLOSURES, areas.MOST_TIMES)),
-    ("zones", "in fleets of more than # robots", (best_tour.MOST_ROBOTS,)),
     ("network", "A frame has at most # bytes", (message.MAX_FRAME,)),
     ("network", "token of at least # characters", (MIN_TOKEN_LENGTH,)),
     ("operations", "At most # connections are served", (metrics.MOST_CONNECTIONS,)),
@@ -162,7 +159,7 @@ SPELT: list[tuple[str, str, float, float]] = [
     ("progress", "of four times the MFoW on the best tour", progress.TOURS, 4.0),
     ("progress", "saw at most a tenth more points", progress.NEW_SHARE, 0.1),
     ("progress", "one circle of four times the sum of its radius and its stride", stays.ROAMING, 4.0),
-    ("zones", "with more than four weights", division.MOST_CLASSES, 4),
+    ("zones", "more than four weights", zoned.MOST_BOUNDS, 4),
     ("plan", "A run lasts twelve times the age", plan.INTERVALS, 12.0),
     ("ros2", "five times zero velocity", steering.LASTING_ZEROS, 5),
 ]

@@ -219,7 +219,8 @@ def test_plans_and_tours(seed: int, stations: int, robots: int) -> None:
     near = np.argsort(apart, axis=1)
     near = np.ascontiguousarray(near[:, 1:9] if stations > 1 else near)
     paces, ages = dice.uniform(0.5, 2.0, robots), dice.uniform(0, 60, stations)
-    inputs = (dice.random((robots, stations)), apart.astype(float), paces, ages, near, 60, seed)
+    rates = dice.uniform(0.5, 2.0, stations)
+    inputs = (dice.random((robots, stations)), apart.astype(float), paces, ages, rates, near, 60, seed)
     pinned = dice.random(robots) < 0.5
     choices = dice.permutation(stations)
     plans, costs = np.zeros((stations, robots, stations), dtype=np.int64), np.zeros(stations)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.changing.open_ground import OpenAges
-from patrol.measures.zoned import MOST_LATER, ZonedGrounds, zone_weights
+from patrol.measures.zoned import MOST_KEPT, ZonedGround, bound_weighted_s, zone_weights
 from patrol.summary.model import ZoneFigures
 from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
@@ -19,7 +19,7 @@ from worldsim.checks.ground import GroundOpen, TrueFog
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
-    from patrol.zones.division import Divisions
+    from patrol.measures.zoned import Weights
     from worldsim.checks.check import JudgedRun
 
 Ages = NDArray[np.float64]
@@ -60,12 +60,12 @@ class ZoneAges(JournalReading):
         super().__init__(run)
         prepared = run.prepared
         self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
-        self._classes = lru_cache(maxsize=MOST_LATER)(self._find_classes)
-        self._grounds = ZonedGrounds(prepared)
-        self._bests: dict[Weighing, float | None] = {}
+        self._classes = lru_cache(maxsize=MOST_KEPT)(self._find_classes)
+        self._zones = ZonedGround(prepared)
+        self._bounds: dict[Weighing, float | None] = {}
         self._ticks: Counter[Weighing] = Counter()
         self._fog = run.reading(TrueFog).fog
-        self._weights = zone_weights(prepared)
+        self._weights = dict(zone_weights(prepared))
         self._wanted = {zone.name: zone.age for zone in prepared.scenario.zones}
         self._weighted: list[float] = []
         elsewhere = prepared.patrolled.copy()
@@ -88,8 +88,8 @@ class ZoneAges(JournalReading):
         weighing = weighing_at(self._weighing, record.k * self._step)
         names = dict(weighing)
         self._weights |= {name: weight for name, weight in weighing if weight is not None}
-        if weighing not in self._bests:
-            self._bests[weighing] = self._divisions(weighing).best_s(self._run.prepared.scenario.team)
+        if weighing not in self._bounds:
+            self._bounds[weighing] = bound_weighted_s(self._run.prepared, self._weights_under(weighing))
         self._ticks[weighing] += 1
         ages = ((weight, record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(weighing))
         self._weighted.append(max(weight * age for weight, age in ages))
@@ -109,27 +109,28 @@ class ZoneAges(JournalReading):
         step = self._step
         parts = {name: part for name, part in self._parts.items() if not np.isnan(part.stalest).all()}
         zones = {name: self._figures(name, part).document() for name, part in parts.items()}
-        best_s = {"best_weighted_s": self._best_weighted_s(), "zones": zones}
-        figures = _age_figures("mfow_weighted", np.array(self._weighted) * step) | best_s
+        bound_s = {"bound_weighted_s": self._mean_bound_s(), "zones": zones}
+        figures = _age_figures("mfow_weighted", np.array(self._weighted) * step) | bound_s
         return ZoneFacts(figures, {name: np.array(part.stalest) * step for name, part in parts.items()})
 
     def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
         """Return the weights of the ground while some zones are in force, and the points of each."""
-        patrolled, zoned = self._run.prepared.patrolled, self._divisions(weighing).zoned
-        return [(weight, np.flatnonzero(patrolled & (zoned.weights == weight))) for weight in zoned.classes]
+        patrolled, weights = self._run.prepared.patrolled, self._weights_under(weighing)
+        distinct = np.unique(weights[patrolled]).tolist()
+        return [(weight, np.flatnonzero(patrolled & (weights == weight))) for weight in distinct]
 
-    def _divisions(self, weighing: Weighing) -> Divisions:
-        divisions = self._grounds.under(weighing)
-        assert divisions is not None
-        return divisions
+    def _weights_under(self, weighing: Weighing) -> Weights:
+        weights = self._zones.under(weighing)
+        assert weights is not None
+        return weights
 
-    def _best_weighted_s(self) -> float | None:
-        bests = {weighing: best for weighing, best in self._bests.items() if best is not None}
-        if len(bests) < len(self._bests):
+    def _mean_bound_s(self) -> float | None:
+        bounds = {weighing: bound for weighing, bound in self._bounds.items() if bound is not None}
+        if len(bounds) < len(self._bounds):
             return None
-        if len(bests) == 1:
-            return next(iter(bests.values()))
-        return sum(best * self._ticks[weighing] for weighing, best in bests.items()) / self._ticks.total()
+        if len(bounds) == 1:
+            return next(iter(bounds.values()))
+        return sum(bound * self._ticks[weighing] for weighing, bound in bounds.items()) / self._ticks.total()
 
     def _figures(self, name: str, part: _Part) -> ZoneFigures:
         wanted = self._wanted.get(name)

@@ -72,7 +72,7 @@ Routes = NDArray[np.int64]
 Leads = NDArray[np.float64]
 """About how long each robot takes to each station, float64 (robots, stations), s."""
 
-Inputs = tuple[Leads, Leads, Leads, Leads, Routes]
+Inputs = tuple[Leads, Leads, Leads, Leads, Leads, Routes]
 """What `agent.kernels.plan` takes from `leads` to `near`."""
 
 Draw = Callable[[int, int], float]
@@ -206,7 +206,7 @@ class Drawing:
             _put_behind(rows, self.numbers.index(number), worth, known.apart_m)
         routes, counts = _fill_routes(rows, len(ages))
         pinned = np.array([number not in drawing for number in self.numbers])
-        inputs = (leads, known.apart_m, self._paces, ages, known.near)
+        inputs = (leads, known.apart_m, self._paces, ages, known.rates, known.near)
         if moves := MOVES_BEST if self._is_best else moves_first:
             improve(routes, counts, pinned, *inputs, moves, int(draw(0, 0) * 2.0**53))
         for number in drawing:

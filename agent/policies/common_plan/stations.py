@@ -55,6 +55,8 @@ class KnownStations:
         self.length_m = laid_out.length_m
         self.first = 0  # number in the round of the first point
         self.weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self.points].min()
+        rates = self.weights.reshape(-1)[self.points] if self.weights.size else np.ones(len(self.points))
+        self.rates = np.maximum.reduceat(rates, self.begins[:-1]) if len(self.begins) > 1 else rates
         self._set_ways(stations.apart_m)
 
     def _set_ways(self, apart_m: NDArray[np.float64]) -> None:
@@ -79,6 +81,7 @@ class KnownStations:
         is_within = (self.around >= first) & (self.around < until)
         part.around = np.where(is_within, self.around - np.int32(first), np.int32(-1))
         part.length_m = self.length_m * (until - first) / len(self)
+        part.rates = self.rates[first:until]
         part.weights, part.first = self.weights, self.first + points.start
         part._set_ways(self.apart_m[first:until, first:until])
         return part

@@ -15,15 +15,11 @@ GROUND = {"terrain": {"builtin": "open"}, "point": 1.0}
 FREE = "chooses its next place freely, without a plan"
 
 
-ZONE = {"zones": [{"name": "vault", "polygon": [[1, 1], [9, 1], [9, 9]], "weight": 4}]}
-
-
 @pytest.mark.parametrize("policy", ["stochastic", "committed"])
 @pytest.mark.parametrize(
     ("settings", "why"),
     [
-        ({"robots": {"count": 25, "radius": 0.1}, **ZONE}, "the fleet has more than 24 robots"),
-        ({"robots": [{"speed": 1.0}, {"speed": 2.0}], **ZONE}, "its robots have several speeds"),
+        ({"closures": [{"name": "shut", "polygon": [[1, 1], [9, 1], [9, 9]], "closed": [[4, 12]]}]}, "doors may close"),
         ({"sensor": {"kind": "sector", "angle": 90.0}}, "its sensor does not look all around"),
     ],
 )

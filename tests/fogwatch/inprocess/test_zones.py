@@ -7,7 +7,6 @@ import pytest
 
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.measures.best_tour import best_tour
-from patrol.measures.zoned import with_rounds
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 
@@ -28,16 +27,16 @@ def test_a_vault_is_seen_more_often_and_as_often_as_its_tours_allow() -> None:
     zoned = ran(VAULT)
     assert zoned.verdict.valid
     summary = zoned.summary
-    assert summary.best_weighted_s is not None
+    assert summary.bound_weighted_s is not None
     assert summary.mfow_weighted_late_mean_s is not None
-    assert summary.mfow_weighted_late_mean_s <= 1.3 * summary.best_weighted_s
+    assert summary.mfow_weighted_late_mean_s <= 2.0 * summary.bound_weighted_s
     assert summary.zones["vault"].mfow_late_mean_s < 0.3 * summary.zones["elsewhere"].mfow_late_mean_s
 
 
 @pytest.mark.parametrize(
     ("corner", "age", "most_shared"),
-    [([16.2, 8.2], 60.0, 1.3), ([20.5, 12.0], 60.0, 1.3), ([20.5, 12.0], 5.0, 2.0)],
-    ids=["room", "nook", "guarded nook"],
+    [([16.2, 8.2], 60.0, 1.3), ([20.5, 12.0], 60.0, 1.3), ([20.5, 12.0], 20.0, 1.5)],
+    ids=["room", "nook", "nook often"],
 )
 def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age: float, most_shared: float) -> None:
     """The rest gets as old as two robots keep all of the office, unless the wish takes one robot for itself."""
@@ -75,23 +74,20 @@ def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tup
     assert not [line for line in outcome.verdict.warnings if "trapped" in line]
 
 
-def test_few_grounds_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_weights_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vault's weight comes back after others, and one robot is paused meanwhile."""
     turns = [[5.0 * n, weight] for n, weight in enumerate((2, 3, 4, 5, 2, 6, 7), start=1)]
     given = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 60, "robots": ROBOTS}
     given |= {"zones": [VAULT | {"weight": 0.5, "weights": turns}]}
     given |= {"faults": [{"kind": "pause", "who": "r2", "at": 7, "for": 19}]}
-    hashes, kept = [], []
+    hashes = []
     for most in (32, 1):
-        monkeypatch.setattr("patrol.measures.zoned.MOST_PREPARED", most)
-        monkeypatch.setattr("patrol.measures.zoned.MOST_LATER", most)
-        prepared = with_rounds(prepare(load_scenario(given)))
-        outcome = run_in_process(prepared)
+        monkeypatch.setattr("patrol.measures.zoned.MOST_KEPT", most)
+        monkeypatch.setattr("agent.policies.stochastic.MOST_KEPT", most)
+        outcome = run_in_process(prepare(load_scenario(given)))
         assert outcome.verdict.valid, outcome.verdict.failed
         assert outcome.journal.end is not None
         hashes.append(outcome.journal.end.trace_hash)
-        kept.append(len(prepared.zoned))
-    assert kept == [7, 1]
     assert hashes[0] == hashes[1]
 
 

@@ -15,7 +15,7 @@ import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, TourFinder, best_tour, rounds_of
+from patrol.measures.best_tour import BestTour, PartTour, best_tour, rounds_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
@@ -242,10 +242,3 @@ def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
     assert rounds_of(rooms)[1] is None
     assert rounds_of(prepared(speeds=ALIKE))[1] is not None
     assert rounds_of(prepared())[1] is not None, "robots of several speeds"
-
-
-def test_large_fleets_and_robots_of_several_speeds_are_not_divided(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not TourFinder(prepared(speeds=ALIKE)).why_not_divided
-    assert TourFinder(prepared()).why_not_divided == "its robots have several speeds"
-    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert TourFinder(prepared(speeds=ALIKE)).why_not_divided == "the fleet has more than 1 robots"

@@ -18,17 +18,18 @@ NOT_PINNED = np.zeros(8, dtype=np.bool_)
 
 @dataclass(frozen=True)
 class Fleet:
-    """Robots and stations at random places of a square of 50 m, with random ages."""
+    """Robots and stations at random places of a square of 50 m, with random ages, which grow unlike fast."""
 
     leads: NDArray[np.float64]
     apart: NDArray[np.float64]
     paces: NDArray[np.float64]
     ages: NDArray[np.float64]
+    rates: NDArray[np.float64]
     near: Whole
 
     @property
-    def inputs(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], Whole]:
-        return self.leads, self.apart, self.paces, self.ages, self.near
+    def inputs(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], Whole]:
+        return self.leads, self.apart, self.paces, self.ages, self.rates, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:
         """The cost of a plan, in plain Python."""
@@ -38,7 +39,7 @@ class Fleet:
             for i, station in enumerate(routes[robot, :count]):
                 before = routes[robot, i - 1]
                 at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station] * self.paces[robot]
-                total += float(self.ages[station] + at_s) ** 8
+                total += float(self.ages[station] + self.rates[station] * at_s) ** 8
         return total
 
 
@@ -49,7 +50,7 @@ def fleet_of(dice: np.random.Generator, robots: int, stations: int) -> Fleet:
     near = np.ascontiguousarray(np.argsort(apart, axis=1)[:, 1:9])
     ages = dice.uniform(0, 60, stations)
     paces = np.ones(1) if robots == 1 else dice.uniform(0.5, 2.0, robots)
-    return Fleet(leads, apart, paces, ages, near)
+    return Fleet(leads, apart, paces, ages, dice.choice([1.0, 4.0], stations), near)
 
 
 def plan_of(dice: np.random.Generator, robots: int, stations: int) -> tuple[Whole, Whole]:
