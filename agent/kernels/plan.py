@@ -12,7 +12,7 @@ float64 = types.float64
 POINTS = types.Array(types.int64, 1, "C", readonly=True)
 PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
-WEIGHTS = types.Array(types.float64, 2, "C", readonly=True)
+WEIGHTS = types.Array(types.float64, 1, "C", readonly=True)
 AGES = types.Array(types.float64, 1, "C")
 WITNESSES = types.Array(types.int64, 2, "C")
 uint64 = index = types.uint64
@@ -29,20 +29,20 @@ def weighted_ages(points, patrolled, last_seen, weights, tick, step, ages):
         points: int64 (n,), their flat indices.
         patrolled: bool (h, w), the points that have an age.
         last_seen: int32 (h, w), when each was last seen.
-        weights: float64 (h, w); (0, 0) where all count the same.
+        weights: float64 (n,), of each; (0,) where all count the same.
         tick: Now.
         step: Length of a tick, s.
         ages: float64 (n,), overwritten: s.
     """
     # Flat, since a division for each point would take longer than all the rest.
-    has_age, seen, weight = patrolled.ravel(), last_seen.ravel(), weights.ravel()
+    has_age, seen = patrolled.ravel(), last_seen.ravel()
     for i in range(points.size):
         point = index(points[i])
         ages[i] = 0.0
         if has_age[point]:
             ages[i] = (tick - max(int64(seen[point]), 0)) * step
-            if weight.size:
-                ages[i] *= weight[point]
+            if weights.size:
+                ages[i] *= weights[i]
 
 
 @njit(types.void(POINTS, POINTS, PATROLLED, TICKS, int64, float64, WITNESSES, AGES), cache=True, nogil=True)

@@ -94,7 +94,7 @@ class FreeChoice:
         scratch = setup.ground.scratch
         if "zones" not in scratch:
             scratch["zones"] = ZonedGround(setup.ground.prepared)
-        self._zones: ZonedGround = scratch["zones"]
+        self.zones: ZonedGround = scratch["zones"]
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Return True, as each choice is free."""
@@ -139,12 +139,14 @@ class FreeChoice:
     def _weigh_ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones, at most `MOST_AGE`."""
         fog = view.fog
-        weights = self._zones.under(view.weighing)
+        weights = self.zones.under(view.weighing)
         if weights is None and view.mfow <= MOST_AGE:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        ages = view.tick - np.maximum(fog.last_seen, 0)
-        weighted = np.where(counts, 1.0 * ages if weights is None else weights * ages, 0.0)
+        weighted = np.where(counts, 1.0 * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        if weights is not None:
+            # Below 1, ages would be rounded to 0.
+            weighted *= weights / weights.min(where=fog.patrolled, initial=np.inf)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest

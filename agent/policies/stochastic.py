@@ -30,7 +30,7 @@ from agent.policies.common_plan.following import OnPlan
 from agent.policies.common_plan.stations import Groups, KnownStations
 from agent.policies.living import Living
 from patrol.errors import BadInput
-from patrol.measures.zoned import MOST_KEPT, ZonedGround
+from patrol.measures.zoned import MOST_KEPT
 from patrol.scenario import CommitmentOptions, CommittedOptions, StochasticOptions
 from patrol.zones.spec import weighing_at
 
@@ -48,7 +48,8 @@ LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
 another robot sees most of what one would plan to see before it."""
 
 MARGIN = 1.25
-"""How many times more than its wanted age says the ground of a zone counts, as distances between robots are uneven."""
+"""How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
+"""
 
 
 class Drawn:
@@ -110,9 +111,6 @@ class Stochastic(Commitment):
         super().__init__(setup)
         self._living = Living(setup)
         prepared, number = setup.ground.prepared, setup.robot.spec.number
-        if "zones of plans" not in setup.ground.scratch:
-            setup.ground.scratch["zones of plans"] = ZonedGround(prepared, MARGIN)
-        self._zones: ZonedGround = setup.ground.scratch["zones of plans"]
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         # Where doors may close, each robot knows of other closed ones, so none can tell what the others do.
         self._sharing: tuple[Round, frozenset[int]] | None = None
@@ -123,7 +121,7 @@ class Stochastic(Commitment):
                 "no rounds were found for this policy; give its class the attribute follows_rounds = True, as a class "
                 "that makes a policy which follows rounds needs"
             )
-        if (laid_out := prepared.rounds[number]) is not None and laid_out.stations is not None:
+        if (laid_out := prepared.rounds[number]) is not None:
             self._sharing = _find_sharing(setup, laid_out)
             self._share(*self._sharing)
 
@@ -134,7 +132,7 @@ class Stochastic(Commitment):
         groups_by_round: dict[tuple[object, ...], tuple[Round, Groups]] = ground.scratch.setdefault("groups", {})
         question = id(laid_out), self._weighing
         if question not in groups_by_round:
-            known, prepared = KnownStations(laid_out, self._zones.under(self._weighing)), ground.prepared
+            known, prepared = KnownStations(laid_out, self._free.zones.under(self._weighing, MARGIN)), ground.prepared
             groups = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
             groups_by_round[question] = laid_out, groups
             for oldest in [key for key in groups_by_round if key[1] != self._weighing][:-MOST_KEPT]:

@@ -76,7 +76,7 @@ def _wish_text(age_s: float, points: BoolGrid, prepared: Prepared) -> str:
     if tour_s is None:
         return f"{wanted}: not judged, as there is no tour of this zone"
     needed = robots * tour_s / age_s
-    takes = f"its tour takes {needed:.1f} of {robots} robots"
+    takes = f"its tour takes at least {needed:.1f} of {robots} robots, without the way there"
     return f"{wanted}: {takes}" if needed <= robots else f"{wanted}: cannot be kept, as {takes}"
 
 

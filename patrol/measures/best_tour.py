@@ -227,11 +227,8 @@ class TourFinder:
         tour = self.find(own, own.patrolled) if own.patrolled.any() else None
         if tour is None or tour.length_m == 0.0:
             return None
-        return self.lay_out(own, own.patrolled, tour, _tour_file(f"{self._digest(own, own.patrolled, repr(tour))}.npz"))
-
-    def lay_out(self, own: OwnGround, ground: BoolGrid, tour: Tour, file: Path | None = None) -> Round:
-        """Lay a tour out over a part of a robot's own ground; `file` is as for `patrol.tours.round.lay_out`."""
-        return lay_out(self.terrain, own.reach, ground, own.proxy, self._footprint, tour, file)
+        file = _tour_file(f"{self._digest(own, own.patrolled, repr(tour))}.npz")
+        return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, self._footprint, tour, file)
 
     def _digest(self, own: OwnGround, ground: BoolGrid, *more: str) -> str:
         terrain, footprint = self.terrain, self._footprint

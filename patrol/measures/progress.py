@@ -2,9 +2,8 @@
 
 A robot is *trapped* when it has stayed in one circle (`patrol.measures.stays`) for `TRAPPED_S` while no robot has seen
 some point outside of that circle, which its body could go and see. It is trapped until it leaves the circle, or until
-all such points have been seen; in the second case its time counts anew from then on. A robot is not trapped where the
-best division of the fleet needs one to stay, because all of a zone is seen from there. Positions and fog are given by
-the caller, true or believed, live or from a journal.
+all such points have been seen; in the second case its time counts anew from then on. Positions and fog are given by the
+caller, true or believed, live or from a journal.
 """
 
 from __future__ import annotations
@@ -22,9 +21,6 @@ from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
-from patrol.measures.zoned import ZonedGround
-from patrol.scenario.policies import CommittedPatrol, StochasticPatrol
-from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from patrol.changing.open_ground import OpenGround
@@ -91,7 +87,6 @@ class Traps:
         self._all_seen: dict[tuple[int, int], int] = {}
         """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None
-        self._zones = ZonedGround(prepared)
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
         """Take in a tick; return the traps found in it (``until`` is None), and those that are over.
@@ -113,9 +108,7 @@ class Traps:
             grid = last_seen()
             if self._open_ground is not None:
                 grid = self._open_ground.last_seen_or_out(number, k, grid)
-            stale_point = None
-            if not self._is_on_guard(record, stay):
-                stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
+            stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
             if stale_point is None:
                 self._all_seen[number, stay.since] = k
                 if number in self.open:
@@ -137,15 +130,6 @@ class Traps:
             if number in self.open or k - since >= self._ticks:
                 stays[number] = stay, since
         return stays
-
-    def _is_on_guard(self, record: TickRecord, stay: Stay) -> bool:
-        """Return True if a robot stays in a zone whose ground counts more than other ground."""
-        scenario, terrain = self._prepared.scenario, self._prepared.terrain
-        follows_rounds = isinstance(scenario.patrol, (CommittedPatrol, StochasticPatrol))
-        if not follows_rounds:
-            return False
-        weights = self._zones.under(weighing_at(scenario.zones, record.k * scenario.step))
-        return weights is not None and float(weights[terrain.point_at(stay.x, stay.y)]) > 1.0
 
     def _robot_ground(self, number: int) -> BoolGrid:
         if self._grounds is None:

@@ -33,8 +33,8 @@ Weights = NDArray[np.float64]
 MOST_KEPT = 8
 """Sets of zones whose weights are kept: those that were asked for last."""
 
-MOST_BOUNDS = 4
-"""Distinct weights of ground for which the bound is found: each may take a search for a tour."""
+MOST_TOURS = 4
+"""Distinct weights of ground over which tours are found: each may take a search."""
 
 
 def with_rounds(prepared: Prepared, needed: bool = True) -> Prepared:
@@ -71,42 +71,43 @@ def zone_weights(prepared: Prepared) -> Mapping[str, float]:
 class ZonedGround:
     """The weights of a terrain's points under each set of zones in force."""
 
-    def __init__(self, prepared: Prepared, margin: float = 1.0) -> None:
-        """Take the zones that weigh; the weights of wanted ages are multiplied by a margin."""
-        self._prepared, self._margin = prepared, margin
+    def __init__(self, prepared: Prepared) -> None:
+        """Take the zones that weigh."""
+        self._prepared = prepared
         self._zones = [zone for zone in prepared.scenario.zones if zone.weighs]
         self._weigh = lru_cache(maxsize=MOST_KEPT)(self._lay_out)
 
-    def under(self, weighing: Weighing) -> Weights | None:
+    def under(self, weighing: Weighing, margin: float = 1.0) -> Weights | None:
         """Return the weights while some zones are in force; None where no zone ever weighs.
 
-        Raises BadInput as `zone_weights` does, where the ground is not `with_rounds`.
+        Those of wanted ages are multiplied by a margin. Raises BadInput as `zone_weights` does, where the ground is not
+        `with_rounds`.
         """
-        return self._weigh(weighing) if self._zones else None
+        return self._weigh(weighing, margin) if self._zones else None
 
-    def _lay_out(self, weighing: Weighing) -> Weights:
+    def _lay_out(self, weighing: Weighing, margin: float) -> Weights:
         prepared, weight_of = self._prepared, dict(weighing)
         first = zone_weights(prepared)
         weights: Weights = np.zeros(prepared.terrain.shape)
         for zone in self._zones:
             if zone.name in weight_of:
                 points, weight = points_of(zone, prepared.terrain), weight_of[zone.name]
-                weight = first[zone.name] * self._margin if weight is None else weight
+                weight = first[zone.name] * margin if weight is None else weight
                 weights[points] = np.maximum(weights[points], weight)
         weights[weights == 0.0] = 1.0
         weights.flags.writeable = False
         return weights
 
 
-def bound_weighted_s(prepared: Prepared, weights: Weights) -> float | None:
-    """Return what the weighted MFoW of all robots that are not spare can hardly be less than, s.
+def best_weighted_s(prepared: Prepared, weights: Weights) -> float | None:
+    """Return the weighted MFoW that all robots that are not spare keep on the best tours, on the worst ground, s.
 
-    For each weight, they would all have to follow the best tour found over the ground of at least that weight. For
-    example, three robots at 1 m/s, 300 m over all ground, and 60 m over that of weight 10: 10 times 20 s is more than
-    100 s. None without tours, or with more than `MOST_BOUNDS` weights.
+    As if they were all on the tour over the ground of at least each weight. For example, three robots at 1 m/s, 300 m
+    over all ground, and 60 m over that of weight 10: 10 times 20 s is more than 100 s. None without tours, or with more
+    than `MOST_TOURS` weights.
     """
     distinct = np.unique(weights[prepared.patrolled]).tolist()
-    if len(distinct) > MOST_BOUNDS:
+    if len(distinct) > MOST_TOURS:
         return None
     tours = {weight: best_tour(prepared, weights >= weight) for weight in distinct}
     bounds = {weight: tour.bound_of_fleet_s(prepared.scenario) for weight, tour in tours.items()}

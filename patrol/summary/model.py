@@ -394,11 +394,11 @@ class Summary(_Part):
     ] = None
     mfow_weighted_late_mean_s: Annotated[float | None, Metric("the same over the second half", better="lower")] = None
     mfow_weighted_max_s: Annotated[float | None, Metric("largest of these", better="lower")] = None
-    bound_weighted_s: Annotated[
+    best_weighted_s: Annotated[
         float | None,
         Metric(
-            "[what that can hardly be less than](zones.md#figures), by the zones in force in each tick; null without "
-            "tours, or with more than four weights"
+            "[the same of all robots on the best tours](zones.md#figures), by the zones in force in each tick; null "
+            "without tours, or with more than four weights"
         ),
     ] = None
     zones: Annotated[

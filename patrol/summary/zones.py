@@ -17,9 +17,9 @@ def zone_lines(summary: Summary) -> list[str]:
     mean_s = summary.mfow_weighted_mean_s
     if mean_s is None:
         return []
-    bound_s = summary.bound_weighted_s
-    bound = "" if bound_s is None else f"; at least {bound_s:.1f} s on the best tours"
-    lines = [f"weighted    MFoW mean {mean_s:.1f} s, maximum {summary.mfow_weighted_max_s:.1f} s{bound}"]
+    best_s = summary.best_weighted_s
+    tours = "" if best_s is None else f"; best tours {best_s:.1f} s"
+    lines = [f"weighted    MFoW mean {mean_s:.1f} s, maximum {summary.mfow_weighted_max_s:.1f} s{tours}"]
     for name, zone in summary.zones.items():
         wish = ""
         if zone.wanted_s is not None and zone.kept_share is not None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import zlib
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,13 +69,12 @@ class Round:
     points: Flat  # (p,), the patrolled points, by the place to which they belong
     place_of: Flat  # (p,), the place of each of them, ascending
     stands: Flat  # (p,), the point to stand on to see each: its place, or its own post where no place sees it
-    stations: Stations | None = None  # of a round over the whole ground; None where a patrol cannot plan with any
+    stations: Stations
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files into a folder, which is made when missing."""
         save_grids(folder, self, ("length_m", *ARRAYS))
-        if self.stations is not None:
-            self.stations.save(folder / STATIONS)
+        self.stations.save(folder / STATIONS)
 
     @staticmethod
     def load(folder: Path) -> Round:
@@ -115,14 +114,16 @@ def lay_out(
         flat_owner[point] = np.argmin((places // width - row) ** 2 + (places % width - col) ** 2)
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
-    laid_out = Round(length_m, places, along, points, flat_owner[points], stands[points])
-    stations = stations_of(laid_out, terrain, reach, footprint.range_m, None if known is None else known[1])
+    place_of = flat_owner[points]
+    stations = _find_stations(
+        terrain, reach, places, along, points, place_of, footprint.range_m, None if known is None else known[1]
+    )
     if file is not None and (known is None or stations.apart_m is not known[1]):
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             with replacing(file) as part, part.open("wb") as output:
                 np.savez_compressed(output, stops=stops, apart_m=stations.apart_m)
-    return replace(laid_out, stations=stations)
+    return Round(length_m, places, along, points, place_of, stands[points], stations)
 
 
 def _read_kept(file: Path | None, points: int, places: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
@@ -232,19 +233,22 @@ class Stations:
         save_grids(folder, self, STATION_ARRAYS)
 
     @staticmethod
-    def load(folder: Path) -> Stations | None:
-        """Load what `save` wrote, memory-mapped and read-only; None where it has written nothing."""
-        return Stations(*(load_grid(folder / f"{name}.npy") for name in STATION_ARRAYS)) if folder.is_dir() else None
+    def load(folder: Path) -> Stations:
+        """Load what `save` wrote, memory-mapped and read-only."""
+        return Stations(*(load_grid(folder / f"{name}.npy") for name in STATION_ARRAYS))
 
 
-def stations_of(
-    laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: float, apart_m: NDArray[np.float64] | None = None
+def _find_stations(
+    terrain: Terrain,
+    reach: BoolGrid,  # where the body's centre may be
+    places: Flat,
+    along: NDArray[np.float64],
+    points: Flat,
+    place_of: Flat,
+    range_m: float,
+    apart_m: NDArray[np.float64] | None,  # length of the way between stations, where it is known
 ) -> Stations:
-    """Put the stops of a round together into stations; `reach` marks where the body's centre may be.
-
-    `apart_m` is given where the lengths of the ways between them are known.
-    """
-    along, place_of = laid_out.along, laid_out.place_of
+    """Put the stops of a round together into stations."""
     stops, firsts = np.unique(place_of, return_index=True)
     heads: list[int] = []
     for number, at_m in enumerate(along[stops].tolist()):
@@ -252,10 +256,10 @@ def stations_of(
             heads.append(number)
     ends = [*heads[1:], len(stops)]
     middles = [(head + end) // 2 for head, end in zip(heads, ends, strict=True)]
-    spots = laid_out.places[stops[middles]]
+    spots = places[stops[middles]]
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
-    around.flat[laid_out.points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
+    around.flat[points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
     if apart_m is None or apart_m.shape != (len(spots), len(spots)):
         apart_m = _distances_between(terrain, reach, spots, NEAR * range_m)
     return Stations(spots, begins, apart_m, around)

@@ -72,7 +72,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "at # ticks a tick (`CATCH_UP`)", (following.CATCH_UP,)),
     ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
     ("algorithm", "fewer than # stations for each robot (`LEAST_STATIONS`,", (stochastic.LEAST_STATIONS,)),
-    ("zones", "counts # times more than that (`MARGIN`)", (stochastic.MARGIN,)),
+    ("zones", "count # times as much as that (`MARGIN`)", (stochastic.MARGIN,)),
     ("algorithm", "by # small moves each time (`MOVES_BEST`)", (drawing.MOVES_BEST,)),
     ("algorithm", "anew after # s (`PERIOD_BEST_S`)", (drawing.PERIOD_BEST_S,)),
     ("algorithm", "at least # stations for each (`LEAST_BEST`)", (stochastic.LEAST_BEST,)),
@@ -159,7 +159,7 @@ SPELT: list[tuple[str, str, float, float]] = [
     ("progress", "of four times the MFoW on the best tour", progress.TOURS, 4.0),
     ("progress", "saw at most a tenth more points", progress.NEW_SHARE, 0.1),
     ("progress", "one circle of four times the sum of its radius and its stride", stays.ROAMING, 4.0),
-    ("zones", "more than four weights", zoned.MOST_BOUNDS, 4),
+    ("zones", "more than four weights", zoned.MOST_TOURS, 4),
     ("plan", "A run lasts twelve times the age", plan.INTERVALS, 12.0),
     ("ros2", "five times zero velocity", steering.LASTING_ZEROS, 5),
 ]

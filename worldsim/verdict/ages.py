@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.changing.open_ground import OpenAges
-from patrol.measures.zoned import MOST_KEPT, ZonedGround, bound_weighted_s, zone_weights
+from patrol.measures.zoned import MOST_KEPT, ZonedGround, best_weighted_s, zone_weights
 from patrol.summary.model import ZoneFigures
 from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
@@ -62,7 +62,7 @@ class ZoneAges(JournalReading):
         self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
         self._classes = lru_cache(maxsize=MOST_KEPT)(self._find_classes)
         self._zones = ZonedGround(prepared)
-        self._bounds: dict[Weighing, float | None] = {}
+        self._bests: dict[Weighing, float | None] = {}
         self._ticks: Counter[Weighing] = Counter()
         self._fog = run.reading(TrueFog).fog
         self._weights = dict(zone_weights(prepared))
@@ -88,8 +88,8 @@ class ZoneAges(JournalReading):
         weighing = weighing_at(self._weighing, record.k * self._step)
         names = dict(weighing)
         self._weights |= {name: weight for name, weight in weighing if weight is not None}
-        if weighing not in self._bounds:
-            self._bounds[weighing] = bound_weighted_s(self._run.prepared, self._weights_under(weighing))
+        if weighing not in self._bests:
+            self._bests[weighing] = best_weighted_s(self._run.prepared, self._weights_under(weighing))
         self._ticks[weighing] += 1
         ages = ((weight, record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(weighing))
         self._weighted.append(max(weight * age for weight, age in ages))
@@ -109,8 +109,8 @@ class ZoneAges(JournalReading):
         step = self._step
         parts = {name: part for name, part in self._parts.items() if not np.isnan(part.stalest).all()}
         zones = {name: self._figures(name, part).document() for name, part in parts.items()}
-        bound_s = {"bound_weighted_s": self._mean_bound_s(), "zones": zones}
-        figures = _age_figures("mfow_weighted", np.array(self._weighted) * step) | bound_s
+        best_s = {"best_weighted_s": self._best_weighted_s(), "zones": zones}
+        figures = _age_figures("mfow_weighted", np.array(self._weighted) * step) | best_s
         return ZoneFacts(figures, {name: np.array(part.stalest) * step for name, part in parts.items()})
 
     def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
@@ -124,13 +124,13 @@ class ZoneAges(JournalReading):
         assert weights is not None
         return weights
 
-    def _mean_bound_s(self) -> float | None:
-        bounds = {weighing: bound for weighing, bound in self._bounds.items() if bound is not None}
-        if len(bounds) < len(self._bounds):
+    def _best_weighted_s(self) -> float | None:
+        bests = {weighing: best for weighing, best in self._bests.items() if best is not None}
+        if len(bests) < len(self._bests):
             return None
-        if len(bounds) == 1:
-            return next(iter(bounds.values()))
-        return sum(bound * self._ticks[weighing] for weighing, bound in bounds.items()) / self._ticks.total()
+        if len(bests) == 1:
+            return next(iter(bests.values()))
+        return sum(best * self._ticks[weighing] for weighing, best in bests.items()) / self._ticks.total()
 
     def _figures(self, name: str, part: _Part) -> ZoneFigures:
         wanted = self._wanted.get(name)

@@ -101,7 +101,6 @@ class Believed:
         self._stands = RoundStands(setup, laid_out)
         self._fleet = NO_PARTS
         self._worked_out: WorkedOut = setup.ground.scratch.setdefault("parts of fleets", WorkedOut())
-        self._drawings: dict[tuple[object, ...], Drawing] = setup.ground.scratch.setdefault("drawings", {})
         self._known: KnownStations | None = None
         self._ages: StationAges | None = None
         self._number, self._step = setup.robot.spec.number, setup.fleet.step
@@ -207,11 +206,11 @@ class Believed:
         return fleet
 
     def _find_drawing(self, known: KnownStations, robots: tuple[int, ...]) -> Drawing:
-        question = id(known), robots
-        if question not in self._drawings:
+        if robots not in known.drawings:
             roster = self._setup.fleet.roster
-            self._drawings[question] = Drawing(self._setup, known, [roster[number - 1] for number in robots])
-        return self._drawings[question]
+            known.drawings[robots] = Drawing(self._setup, known, [roster[number - 1] for number in robots])
+        drawing: Drawing = known.drawings[robots]
+        return drawing
 
     def _is_done(self, view: View, fleet: FleetParts, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""

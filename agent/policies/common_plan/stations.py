@@ -8,7 +8,7 @@ are put into groups anew.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ MOST_TOGETHER = 16
 
 Ages = NDArray[np.float64]
 
-NO_WEIGHTS = np.zeros((0, 0))
+NO_WEIGHTS = np.zeros(0)
 """Given to the kernels where all points count the same."""
 
 
@@ -44,7 +44,6 @@ class KnownStations:
     def __init__(self, laid_out: Round, weights: NDArray[np.float64] | None = None) -> None:
         """Take those of a round; ``weights`` (height, width) are None where all points count alike."""
         stations = laid_out.stations
-        assert stations is not None
         self.points, self.stands, self.spots, self.begins = (
             laid_out.points,
             laid_out.stands,
@@ -54,9 +53,15 @@ class KnownStations:
         self.around = stations.around
         self.length_m = laid_out.length_m
         self.first = 0  # number in the round of the first point
-        self.weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self.points].min()
-        rates = self.weights.reshape(-1)[self.points] if self.weights.size else np.ones(len(self.points))
-        self.rates = np.maximum.reduceat(rates, self.begins[:-1]) if len(self.begins) > 1 else rates
+        # Of each point; and by how much the weighted age of each station grows in a second, by its heaviest point.
+        self.weights, self.rates = NO_WEIGHTS, np.ones(len(self))
+        if weights is not None and len(self):
+            self.weights = weights.reshape(-1)[self.points]
+            self.rates = np.maximum.reduceat(self.weights, self.begins[:-1])
+            # So most stations count as without weights, and draws are as far behind the best as there.
+            usual = np.sort(self.rates)[(len(self) - 1) // 2]
+            self.weights, self.rates = self.weights / usual, self.rates / usual
+        self.drawings: dict[tuple[int, ...], Any] = {}  # of some robots on them
         self._set_ways(stations.apart_m)
 
     def _set_ways(self, apart_m: NDArray[np.float64]) -> None:
@@ -81,8 +86,8 @@ class KnownStations:
         is_within = (self.around >= first) & (self.around < until)
         part.around = np.where(is_within, self.around - np.int32(first), np.int32(-1))
         part.length_m = self.length_m * (until - first) / len(self)
-        part.rates = self.rates[first:until]
-        part.weights, part.first = self.weights, self.first + points.start
+        part.rates, part.weights = self.rates[first:until], self.weights[points]
+        part.first, part.drawings = self.first + points.start, {}
         part._set_ways(self.apart_m[first:until, first:until])
         return part
 
@@ -100,7 +105,8 @@ class StationAges:
         """Return the weighted ages of some of the round's points, s; 0 for those that do not count, and in view."""
         points = self._known.points[some]
         ages = np.empty(points.size)
-        weighted_ages(points, counted, last_seen, self._known.weights, tick, self._step, ages)
+        weights = self._known.weights[some] if self._known.weights.size else NO_WEIGHTS
+        weighted_ages(points, counted, last_seen, weights, tick, self._step, ages)
         return ages
 
     def of_stations(self, tick: int, counted: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Ages:
@@ -143,7 +149,7 @@ class Groups:
 
         ``team`` are the robots that there are when all live.
         """
-        groups = self._divide(team)
+        groups = self._divide(team or living)
         if not living <= team or any(2 * len(group.robots & living) <= len(group.robots) for group in groups):
             groups = self._divide(living)
         group = next(group for group in groups if number in group.robots)
@@ -160,10 +166,12 @@ class Groups:
         return self._divided[robots]
 
     def _cut(self, numbers: list[int], count: int) -> list[Group]:
-        """Give some robots in a row stations in a row, as many as they have speed."""
+        """Give some robots in a row stations in a row, as much weight as they have speed."""
         ends = [(index + 1) * len(numbers) // count for index in range(count)]
         passed = np.cumsum([self._speeds[number] for number in numbers])
-        untils = [round(len(self.known) * passed[end - 1] / passed[-1]) for end in ends]
+        weighed = np.cumsum([0.0, *self.known.rates])
+        shares = [weighed[-1] * passed[end - 1] / passed[-1] for end in ends]
+        untils = [round(float(np.interp(share, weighed, np.arange(weighed.size)))) for share in shares]
         begins, firsts = [0, *ends[:-1]], [0, *untils[:-1]]
         return [
             Group(frozenset(numbers[begin:end]), self.known.stretch(first, until))

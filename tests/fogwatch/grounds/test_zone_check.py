@@ -39,9 +39,9 @@ def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("age", "told"),
     [
-        (5000, "wanted age 5000 s: its tour takes 0.0 of 4 robots"),
-        (60, "wanted age 60 s: its tour takes 3.4 of 4 robots"),
-        (12, "wanted age 12 s: cannot be kept, as its tour takes 17.1 of 4 robots"),
+        (5000, "wanted age 5000 s: its tour takes at least 0.0 of 4 robots"),
+        (60, "wanted age 60 s: its tour takes at least 3.4 of 4 robots"),
+        (12, "wanted age 12 s: cannot be kept, as its tour takes at least 17.1 of 4 robots"),
     ],
 )
 def test_how_much_of_the_fleet_a_wish_takes(tmp_path: Path, age: float, told: str) -> None:

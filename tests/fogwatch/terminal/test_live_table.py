@@ -170,7 +170,7 @@ def test_the_summary_says_what_became_of_the_intruders(first: float | None, arou
 def test_the_summary_says_how_old_the_ground_of_each_zone_got() -> None:
     ages = {"fog_mean_s": 2.6, "mfow_mean_s": 11.4, "mfow_max_s": 34.5}
     vault = {"weight": 10.0, "wanted_s": 12.0, "kept_share": 0.9, **ages}
-    weighted = {"mfow_weighted_mean_s": 133.5, "mfow_weighted_max_s": 345.0, "bound_weighted_s": 127.0}
+    weighted = {"mfow_weighted_mean_s": 133.5, "mfow_weighted_max_s": 345.0, "best_weighted_s": 127.0}
     zones = {"vault": vault, "elsewhere": {"weight": 1.0, **ages}}
     told = measures(summary(**weighted, zones=zones))
     (place,) = (number for number, line in enumerate(told) if line.startswith("weighted"))

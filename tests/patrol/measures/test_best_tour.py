@@ -222,8 +222,6 @@ def test_a_round_in_a_file_that_cannot_be_one_is_made_again(
 def assert_same_round(first: Round | None, other: Round | None) -> None:
     assert first is not None
     assert other is not None
-    assert first.stations is not None
-    assert other.stations is not None
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(first, name), getattr(other, name), strict=True)
     for name in STATION_ARRAYS:

@@ -8,7 +8,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.measures.best_tour import best_tour
-from patrol.measures.zoned import Weights, ZonedGround, bound_weighted_s, with_rounds, zone_weights
+from patrol.measures.zoned import Weights, ZonedGround, best_weighted_s, with_rounds, zone_weights
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 from tests.present import present
@@ -46,7 +46,7 @@ def test_a_wanted_age_is_a_weight_against_the_best_tour_and_plans_leave_a_margin
     wish = zone_weights(made)["vault"]
     assert wish == pytest.approx(tour_s / 20.0, abs=1e-3)
     assert weights_of(made)[5, 5] == wish
-    planned = present(ZonedGround(made, 2.5).under(frozenset({("vault", None), ("cellar", 3.0)})))
+    planned = present(ZonedGround(made).under(frozenset({("vault", None), ("cellar", 3.0)}), 2.5))
     assert (planned[5, 5], planned[40, 40], planned[80, 80]) == (2.5 * wish, 3.0, 1.0)
 
 
@@ -67,22 +67,22 @@ def test_few_weights_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ground.under(frozenset({("vault", 1.0)})) is not first
 
 
-def test_the_bound_is_that_of_the_ground_that_takes_longest() -> None:
+def test_the_worst_ground_counts_on_the_best_tours() -> None:
     """The vault of weight 10 takes longer than all ground; of weight 1.01 it does not."""
     made = prepared(VAULT | {"weight": 10})
     heavy, light = weights_of(made), weights_of(made, ("vault", 1.01))
     vault_s = present(best_tour(made, heavy > 1.0).bound_of_fleet_s(made.scenario))
     all_s = present(best_tour(made).bound_of_fleet_s(made.scenario))
     assert vault_s < all_s < 10.0 * vault_s
-    assert bound_weighted_s(made, heavy) == 10.0 * vault_s
-    assert bound_weighted_s(made, light) == all_s
+    assert best_weighted_s(made, heavy) == 10.0 * vault_s
+    assert best_weighted_s(made, light) == all_s
 
 
 def test_spare_robots_are_not_counted_on() -> None:
     robots = {"count": 3, "spare": 1, "model": "holonomic", "radius": 1.0, "speed": 2.0}
     four, three = prepared(VAULT | {"weight": 10}), prepared(VAULT | {"weight": 10}, robots=robots)
-    assert bound_weighted_s(three, weights_of(three)) == pytest.approx(
-        4 / 3 * present(bound_weighted_s(four, weights_of(four)))
+    assert best_weighted_s(three, weights_of(three)) == pytest.approx(
+        4 / 3 * present(best_weighted_s(four, weights_of(four)))
     )
 
 
@@ -93,19 +93,19 @@ def test_without_weights_nothing_is_zoned(zones: tuple[dict[str, Any], ...]) -> 
     assert not with_rounds(made, needed=False).zone_weights
 
 
-def test_where_the_sensor_looks_ahead_only_there_is_no_bound_and_no_wanted_age() -> None:
+def test_where_the_sensor_looks_ahead_only_there_is_no_tour_and_no_wanted_age() -> None:
     no_tour = r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
     with pytest.raises(BadInput, match=no_tour):
         with_rounds(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
     made = prepared(VAULT | {"weight": 10}, sensor={"angle": 90})
-    assert bound_weighted_s(made, weights_of(made)) is None
+    assert best_weighted_s(made, weights_of(made)) is None
 
 
-def test_there_is_no_bound_with_many_weights() -> None:
+def test_with_many_weights_there_are_no_tours() -> None:
     boxes = {name: box(20 * n, 0, 20 * n + 15, 20) for n, name in enumerate("abcd")}
     zones = [{"name": name, "polygon": where, "weight": n} for n, (name, where) in enumerate(boxes.items(), start=2)]
     made = prepared(*zones)
-    assert bound_weighted_s(made, weights_of(made)) is None
+    assert best_weighted_s(made, weights_of(made)) is None
 
 
 def test_a_zone_that_no_robot_sees_is_refused() -> None:

@@ -84,7 +84,6 @@ def test_stations_are_short_stretches_that_share_out_all_points(seed: int) -> No
     terrain = building(seed)
     laid_out, fields = round_in(terrain)
     stations = laid_out.stations
-    assert stations is not None
     assert (stations.begins[0], stations.begins[-1]) == (0, len(laid_out.points))
     assert (np.diff(stations.begins) > 0).all()
     longest_m = STRETCH * RANGE_M
@@ -106,7 +105,6 @@ def test_stations_are_as_far_apart_as_the_ways_between_them(seed: int) -> None:
     terrain = building(seed)
     laid_out, fields = round_in(terrain)
     stations = laid_out.stations
-    assert stations is not None
     apart_m = []
     for spot in stations.spots.tolist():
         lengths = lengths_along(fields.reach, [divmod(spot, terrain.width)], 2**30)[1:-1, 1:-1]
@@ -133,7 +131,5 @@ def test_places_are_at_most_a_fiftieth_of_the_range_apart_and_lengths_add_up(tmp
     assert np.array_equal(np.sort(laid_out.points), np.arange(3600))
     laid_out.save(tmp_path)
     again = Round.load(tmp_path)
-    assert laid_out.stations is not None
-    assert again.stations is not None
     for name in ("spots", "begins", "apart_m", "around"):
         assert np.array_equal(getattr(again.stations, name), getattr(laid_out.stations, name))

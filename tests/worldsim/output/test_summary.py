@@ -52,7 +52,7 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     assert {"name", "ok", "detail", "judged", "warnings"} == set(summary["verdict"]["checks"][0])
 
 
-WITH_ZONES = {"mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s", "bound_weighted_s", "zones"}
+WITH_ZONES = {"mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s", "best_weighted_s", "zones"}
 WITH_CLOSURES = {"mfow_open_mean_s", "mfow_open_late_mean_s", "mfow_open_max_s", "closed_out_share", "closures"}
 ON_SOME_GROUND = {"patrolled_vertices", "nodes"}
 OTHERS = {"intruders", "refused", "deadlines", "direct", "exit_codes"}

@@ -42,7 +42,7 @@ NOT_RECOMPUTED: dict[str, str] = {
     **dict.fromkeys(("bound_s", "point_m", "sensor_range_m", "patrolled_area_m2", "patrolled_vertices"), STATED),
     **dict.fromkeys(("best_tour_s", "best_tour_m", "left_out"), GROUND),
     **dict.fromkeys(("mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s"), ZONES),
-    **dict.fromkeys(("bound_weighted_s", *(f"zones.{key}" for key in ZoneFigures.model_fields)), ZONES),
+    **dict.fromkeys(("best_weighted_s", *(f"zones.{key}" for key in ZoneFigures.model_fields)), ZONES),
     **dict.fromkeys(("mfow_open_mean_s", "mfow_open_late_mean_s", "mfow_open_max_s", "closed_out_share"), OPEN),
     **dict.fromkeys(("trapped", "stalest", "robots.longest_stay_s", "robots.longest_stay"), PROGRESS),
     **dict.fromkeys((f"nodes.{key}" for key in NodeFigures.model_fields), VERTICES),

@@ -8,7 +8,7 @@ import pytest
 from patrol.changing.ground import ChangingTerrain, ClosedPoints
 from patrol.journal import Event, Status
 from patrol.journal.records import CLOSED
-from patrol.measures.zoned import ZonedGround, bound_weighted_s
+from patrol.measures.zoned import ZonedGround, best_weighted_s
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.zones.spec import weighing_at
@@ -72,14 +72,14 @@ def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
     assert summary.mfow_weighted_max_s == 38.0
 
 
-def test_the_bounds_count_by_the_ticks_in_which_their_zones_are_in_force(lab: Lab) -> None:
+def test_the_best_tours_count_by_the_ticks_in_which_their_zones_are_in_force(lab: Lab) -> None:
     world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[ALL | {"times": [[5, 11]]}])
     summary = summary_of((world, lab.run(world)))
     zones = world.scenario.zones
     weights = [present(ZonedGround(world.prepared).under(weighing_at(zones, s))) for s in (5.0, 0.0)]
-    in_force, not_yet = (present(bound_weighted_s(world.prepared, some)) for some in weights)
+    in_force, not_yet = (present(best_weighted_s(world.prepared, some)) for some in weights)
     assert in_force == 2.0 * not_yet
-    assert summary.bound_weighted_s == pytest.approx((12 * in_force + 28 * not_yet) / 40)
+    assert summary.best_weighted_s == pytest.approx((12 * in_force + 28 * not_yet) / 40)
 
 
 def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> None:

@@ -119,7 +119,7 @@ def test_the_oldest_points_of_stations_are_those_of_all_their_points_whatever_wa
     for tick in range(4, 30):
         oldest_ages(points, begins, patrolled, last_seen, tick, 0.5, witnesses, ages)
         each = np.empty(16)
-        weighted_ages(points, patrolled, last_seen, np.zeros((0, 0)), tick, 0.5, each)
+        weighted_ages(points, patrolled, last_seen, np.zeros(0), tick, 0.5, each)
         assert ages.tolist() == np.maximum.reduceat(each, begins[:-1]).tolist()
         looked = np.where(dice.random(shape) < 0.2, np.int32(tick - dice.integers(0, 2)), np.int32(-1))
         np.maximum(last_seen, looked, out=last_seen)

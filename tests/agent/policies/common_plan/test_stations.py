@@ -91,3 +91,34 @@ def test_a_death_changes_its_own_group_alone_until_half_of_one_is_lost(
 def test_a_robot_that_joins_is_in_a_group(groups: Groups) -> None:
     team = ALL - {4}
     assert 4 in groups.find(4, team, ALL).robots
+
+
+def test_where_ground_weighs_more_a_group_has_fewer_stations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_TOGETHER", 3)
+    ready = prepared()
+    laid_out = present(rounds_of(ready)[1])
+    weights = np.ones(ready.terrain.shape)
+    weights[:, : ready.terrain.width // 2] = 3.0
+    groups = Groups(KnownStations(laid_out, weights), ready.scenario.roster, ready.starts, ready.terrain)
+    heavy, light = sorted((group.known for group in all_of(groups, ALL, ALL)), key=len)
+    assert heavy.rates.sum() == pytest.approx(light.rates.sum(), rel=0.15)
+    assert len(heavy) < 0.8 * len(light)
+    for part in (heavy, light):
+        assert part.rates.tolist() == np.maximum.reduceat(part.weights, part.begins[:-1]).tolist()
+
+
+def test_robots_of_a_part_in_which_all_are_spare_share_it() -> None:
+    groups = groups_of(prepared())
+    assert groups.find(2, frozenset(), frozenset({2, 3})).robots == {2, 3}
+
+
+@pytest.mark.parametrize("factor", [0.001, 1.0, 30.0])
+def test_most_stations_count_as_without_weights(factor: float) -> None:
+    """A light corner does not make all other ground heavy, nor does a zone over all of it."""
+    ready = prepared()
+    laid_out = present(rounds_of(ready)[1])
+    weights = np.full(ready.terrain.shape, factor)
+    weights[:, : ready.terrain.width // 3] *= 0.01
+    rates = KnownStations(laid_out, weights).rates
+    assert np.median(rates) == rates.max() == 1.0
+    assert rates.min() <= 0.02
