@@ -84,6 +84,8 @@ class Ages(NamedTuple):
 class FreeChoice:
     """The free choice of a robot's targets."""
 
+    waits = False
+
     def __init__(self, setup: PolicySetup) -> None:
         point = setup.ground.terrain.point
         self.posts = setup.ground.posts
@@ -100,11 +102,6 @@ class FreeChoice:
         """Return True, as each choice is free."""
         del view, pursuit
         return True
-
-    def waits(self, view: View) -> bool:
-        """Return False, as there is nothing to wait for."""
-        del view
-        return False
 
     def forget(self) -> None:
         """Do nothing, as nothing is kept."""

@@ -35,8 +35,9 @@ class Choice(Protocol):
         """Update the plan or the round, such as its next station; return True if the robot chooses freely now."""
         ...
 
-    def waits(self, view: View) -> bool:
-        """Return True if the robot should stand still for now."""
+    @property
+    def waits(self) -> bool:
+        """True if the robot should stand still for now."""
         ...
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
@@ -86,7 +87,7 @@ class Commitment:
         if start is None:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander, state=self._state_of(chooses_freely))
-        if self.choice.waits(view):
+        if self.choice.waits:
             pursuit.rest(view.tick)
             return Stay(state=State.PATROLLING, figures={"way_m": 0.0, "age_s": 0.0})
         way = pursuit.keep(view, start)

@@ -76,9 +76,9 @@ class Drawn:
         """Begin anew."""
         self._choice = None
 
-    def waits(self, view: View) -> bool:
-        """Return True for a robot that is where the plan has it only in a while."""
-        del view
+    @property
+    def waits(self) -> bool:
+        """True for a robot that is where the plan has it only in a while."""
         return isinstance(self._choice, OnPlan) and self._choice.waits
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
