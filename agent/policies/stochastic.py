@@ -47,6 +47,9 @@ LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
 """Least number of stations for each robot that is not spare, where they are drawn, and where they are not. With fewer,
 another robot sees most of what one would plan to see before it."""
 
+APART = 10.0
+"""Length of the tour for each, in ranges of the sensor, from which on few stations are enough: vertices lie far apart."""
+
 MARGIN = 1.25
 """How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
 """
@@ -66,9 +69,11 @@ class Drawn:
     ) -> None:
         """Begin without a station."""
         self._number, self._groups, self._free, self._living = setup.robot.spec.number, groups, free, living
-        self._robots = robots
+        self._robots, sight = robots, setup.ground.sight
         self._team = robots & frozenset(spec.number for spec in setup.fleet.roster if not spec.spare)
-        self._least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
+        known, team = groups.known, len(self._team)
+        least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
+        self._is_crowded = team > 1 and len(known) < least * team and known.length_m < APART * sight.range_m * team
         self._believed, self._on_plan = Believed(setup, laid_out, free), OnPlan(setup, free)
         self._choice: Believed | OnPlan | None = None  # None for free choices
 
@@ -84,8 +89,7 @@ class Drawn:
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Take note of a tick; return True if the robot chooses freely."""
         living = self._living.note(view) & self._robots
-        is_crowded = len(self._groups.known) < self._least * len(self._team) and len(self._team) > 1
-        group = None if is_crowded else self._groups.find(self._number, self._team, living)
+        group = None if self._is_crowded else self._groups.find(self._number, self._team, living)
         choice = self._believed if self._living.hears_well else self._on_plan
         if group is None or not len(group.known):
             self._choice = None
