@@ -47,8 +47,9 @@ LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
 """Least number of stations for each robot that is not spare, where they are drawn, and where they are not. With fewer,
 another robot sees most of what one would plan to see before it."""
 
-APART = 10.0
-"""Length of the tour for each, in ranges of the sensor, from which on few stations are enough: vertices lie far apart."""
+SHORT, LONG = 1.6, 10.0
+"""Length of the tour for each, in ranges of the sensor, below which robots are crowded however many stations there are,
+and from which on they are not: few vertices may lie far apart."""
 
 MARGIN = 1.25
 """How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
@@ -71,9 +72,10 @@ class Drawn:
         self._number, self._groups, self._free, self._living = setup.robot.spec.number, groups, free, living
         self._robots, sight = robots, setup.ground.sight
         self._team = robots & frozenset(spec.number for spec in setup.fleet.roster if not spec.spare)
-        known, team = groups.known, len(self._team)
-        least = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
-        self._is_crowded = team > 1 and len(known) < least * team and known.length_m < APART * sight.range_m * team
+        known, team = groups.known, max(len(self._team), 1)
+        fewest = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
+        ranges = known.length_m / (team * sight.range_m)
+        self._is_crowded = team > 1 and (ranges < SHORT or (len(known) < fewest * team and ranges < LONG))
         self._believed, self._on_plan = Believed(setup, laid_out, free), OnPlan(setup, free)
         self._choice: Believed | OnPlan | None = None  # None for free choices
 
