@@ -137,7 +137,7 @@ def test_no_package_imports_what_is_not_installed() -> None:
 
 
 def test_kernels_import_only_numpy_and_numba() -> None:
-    allowed = {"__future__", "collections", "math", "numba", "numpy", "typing"}
+    allowed = {"__future__", "collections", "heapq", "math", "numba", "numpy", "typing"}
     strangers = {
         f"{path.relative_to(ROOT)}: {name}"
         for path in python_files()

@@ -20,6 +20,7 @@ each robot knows of other closed doors, so none can tell what the others do.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -32,6 +33,7 @@ from agent.policies.living import Living
 from patrol.errors import BadInput
 from patrol.measures.zoned import MOST_KEPT
 from patrol.scenario import CommitmentOptions, CommittedOptions, StochasticOptions
+from patrol.tours.round import ways_between
 from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
-    from patrol.tours.round import Round
+    from patrol.tours.round import Flat, Round
 
 
 LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
@@ -50,6 +52,9 @@ another robot sees most of what one would plan to see before it."""
 SHORT, LONG = 1.6, 10.0
 """Length of the tour for each, in ranges of the sensor, below which robots are crowded however many stations there are,
 and from which on they are not: few vertices may lie far apart."""
+
+MOST_PLANNED = 4_000
+"""Stations of the largest group, which robots that are too few for the ground have; more take minutes."""
 
 MARGIN = 1.25
 """How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
@@ -93,7 +98,7 @@ class Drawn:
         living = self._living.note(view) & self._robots
         group = None if self._is_crowded else self._groups.find(self._number, self._team, living)
         choice = self._believed if self._living.hears_well else self._on_plan
-        if group is None or not len(group.known):
+        if group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None
             return True
         if choice is not self._choice:
@@ -119,7 +124,7 @@ class Stochastic(Commitment):
         prepared, number = setup.ground.prepared, setup.robot.spec.number
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         # Where doors may close, each robot knows of other closed ones, so none can tell what the others do.
-        self._sharing: tuple[Round, frozenset[int]] | None = None
+        self._sharing: tuple[int, frozenset[int]] | None = None
         if setup.ground.sight.changes:
             return
         if not prepared.rounds:
@@ -128,17 +133,21 @@ class Stochastic(Commitment):
                 "that makes a policy which follows rounds needs"
             )
         if (laid_out := prepared.rounds[number]) is not None:
-            self._sharing = _find_sharing(setup, laid_out)
+            self._sharing = _find_sharing(setup, laid_out.points)
             self._share(*self._sharing)
 
-    def _share(self, laid_out: Round, robots: frozenset[int]) -> None:
-        """Choose on a round that is shared with some robots, this one among them, by the zones that are in force."""
-        ground = self._setup.ground
+    def _share(self, widest: int, robots: frozenset[int]) -> None:
+        """Choose on the widest robot's round, shared with some robots, this one among them, by the zones in force."""
+        ground, prepared = self._setup.ground, self._setup.ground.prepared
+        laid_out = prepared.rounds[widest]
+        assert laid_out is not None
         # The round is kept, so that no other one gets its identity.
         groups_by_round: dict[tuple[object, ...], tuple[Round, Groups]] = ground.scratch.setdefault("groups", {})
         question = id(laid_out), self._weighing
         if question not in groups_by_round:
-            known, prepared = KnownStations(laid_out, self._free.zones.under(self._weighing, MARGIN)), ground.prepared
+            reach = prepared.fields[widest].reach
+            find_ways = partial(ways_between, prepared.terrain, reach, range_m=ground.sight.range_m)
+            known = KnownStations(laid_out, find_ways, self._free.zones.under(self._weighing, MARGIN))
             groups = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
             groups_by_round[question] = laid_out, groups
             for oldest in [key for key in groups_by_round if key[1] != self._weighing][:-MOST_KEPT]:
@@ -158,15 +167,14 @@ class Committed(Stochastic):
     Options = CommittedOptions
 
 
-def _find_sharing(setup: PolicySetup, laid_out: Round) -> tuple[Round, frozenset[int]]:
-    """Return the round that a robot shares, and with which robots: all whose rounds show the same points.
+def _find_sharing(setup: PolicySetup, shown: Flat) -> tuple[int, frozenset[int]]:
+    """Return the widest of the robots that share a round, and all of them: those whose rounds show the same points.
 
-    Of several radii, that of the widest robot, which all the others can follow.
+    All the others can follow the widest one's round.
     """
     rounds = {number: laid for number, laid in sorted(setup.ground.prepared.rounds.items()) if laid is not None}
     distinct = {id(shared): shared for shared in rounds.values()}
-    points = np.sort(laid_out.points)
+    points = np.sort(shown)
     alike = {key for key, other in distinct.items() if np.array_equal(np.sort(other.points), points)}
     sharing = frozenset(number for number, own in rounds.items() if id(own) in alike)
-    widest = max(sorted(sharing), key=lambda number: setup.fleet.radii[number])
-    return rounds[widest], sharing
+    return max(sorted(sharing), key=lambda number: setup.fleet.radii[number]), sharing

@@ -6,6 +6,8 @@ it is straight and 141 where it is diagonal, and a diagonal step needs both poin
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
+
 import numpy as np
 from numba import njit, types
 
@@ -110,7 +112,7 @@ def lengths_between(is_open, places, limit, lengths):
 
     For example, 282 between two places that are two diagonal steps apart.
 
-    Ways up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
+    Ways up to the limit are exact. A longer one is the shortest that leads through other places (Dijkstra).
 
     Args:
         is_open: As for `wave`.
@@ -128,19 +130,28 @@ def lengths_between(is_open, places, limit, lengths):
         for second in range(places.size):
             lengths[first, second] = length.ravel()[places[second]]
         forget(length, queues, used)
-    missing = 0
-    for by in range(places.size):
-        for first in range(places.size):
-            to = lengths[first, by]
-            # FAR is a mark and not a length: a sum with it would mean nothing.
-            if to == FAR:
-                continue
-            for last in range(places.size):
-                if lengths[by, last] != FAR and to + lengths[by, last] < lengths[first, last]:
-                    lengths[first, last] = to + lengths[by, last]
+    begins = np.zeros(places.size + 1, dtype=np.int64)
     for first in range(places.size):
-        for last in range(places.size):
-            missing += lengths[first, last] == FAR
+        begins[first + 1] = begins[first] + np.count_nonzero(lengths[first] != FAR)
+    near, steps = np.empty(begins[-1], dtype=np.int64), np.empty(begins[-1], dtype=np.int64)
+    for first in range(places.size):
+        near[begins[first] : begins[first + 1]] = np.flatnonzero(lengths[first] != FAR)
+        steps[begins[first] : begins[first + 1]] = lengths[first][lengths[first] != FAR]
+    missing = 0
+    for first in range(places.size):
+        away = lengths[first]
+        heap = [(steps[k], near[k]) for k in range(begins[first], begins[first + 1])]
+        heapify(heap)
+        while heap:
+            far, here = heappop(heap)
+            # An entry is out of date when a shorter way has come since.
+            if far > away[here]:
+                continue
+            for k in range(begins[here], begins[here + 1]):
+                if far + steps[k] < away[near[k]]:
+                    away[near[k]] = far + steps[k]
+                    heappush(heap, (far + steps[k], near[k]))
+        missing += int(np.count_nonzero(away == FAR))
     return missing
 
 

@@ -213,6 +213,9 @@ def _tour_places(
 STRETCH = 0.05
 """Length of a station, as a share of the sensor's range."""
 
+MOST_STATIONS = 2_000
+"""Stations of the largest round that knows the ways between all of them: their number grows with the square."""
+
 NEAR = 4.0
 """Length of the ways between stations that are searched for first, in ranges of the sensor."""
 
@@ -225,7 +228,7 @@ class Stations:
 
     spots: Flat  # (s,), flat index of a point in the middle of each station
     begins: Flat  # (s + 1,), where each station's points begin in `Round.points`, and where the last one's end
-    apart_m: NDArray[np.float64]  # (s, s), length of the way from each to each; infinite where no way leads
+    apart_m: NDArray[np.float64]  # (s, s), as of `ways_between`; (0, 0) for more than `MOST_STATIONS`
     around: NDArray[np.int32]  # (height, width), the station to which each point of the terrain belongs; -1 for none
 
     def save(self, folder: Path) -> None:
@@ -260,13 +263,17 @@ def _find_stations(
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
     around.flat[points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
-    if apart_m is None or apart_m.shape != (len(spots), len(spots)):
-        apart_m = _distances_between(terrain, reach, spots, NEAR * range_m)
+    size = len(spots) if len(spots) <= MOST_STATIONS else 0
+    if apart_m is None or apart_m.shape != (size, size):
+        apart_m = ways_between(terrain, reach, spots[:size], range_m)
     return Stations(spots, begins, apart_m, around)
 
 
-def _distances_between(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: float) -> NDArray[np.float64]:
-    """Return the lengths of the ways between points, m."""
+def ways_between(terrain: Terrain, reach: BoolGrid, spots: Flat, range_m: float) -> NDArray[np.float64]:
+    """Return how long the way from each station to each is, m; infinite where no way leads.
+
+    Ways of more than `NEAR` ranges of the sensor may be those by other stations, and then are a little longer.
+    """
     from patrol.kernels.ways import FAR, lengths_between  # here: most processes need no ways
 
     rows, cols = np.divmod(spots, terrain.width)
@@ -274,7 +281,7 @@ def _distances_between(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: f
     is_open = framed(reach)
     distinct, index = np.unique((rows + 1) * (terrain.width + 2) + cols + 1, return_inverse=True)
     between = np.empty((len(distinct), len(distinct)), dtype=np.int32)
-    limit = math.ceil(100.0 * near_m / terrain.point)
+    limit = math.ceil(100.0 * NEAR * range_m / terrain.point)
     while lengths_between(is_open, distinct, limit, between) and limit <= longest:
         limit *= 2
     lengths = between[np.ix_(index, index)]

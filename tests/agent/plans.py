@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.build import Shared, build_mind
 from agent.mind import Mind
+from agent.policies.common_plan.stations import KnownStations
 from agent.policies.surround import Surround
 from agent.ports import Decision, Intent, Policy
 from agent.routes.ground import Spot
@@ -17,10 +20,13 @@ from agent.view import View
 from patrol.ground.fields import compute_fields
 from patrol.ground.swept_path import path_is_free
 from patrol.ground.terrain import Terrain
+from patrol.measures.best_tour import rounds_of
 from patrol.pose import Pose, halted
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
+from patrol.tours.round import ways_between
 from tests.agent.minds import STEP, at
+from tests.present import present
 from worldsim.robots.bodies import Body, move
 
 POINT = 0.1
@@ -152,3 +158,11 @@ class Robots:
         """Ticks until the first is there; fails when it takes more."""
         self.until(lambda: self.apart(spot) <= within, ticks)
         return self.k
+
+
+def stations_of(prepared: Prepared, weights: NDArray[np.float64] | None = None) -> KnownStations:
+    """The stations of the first robot's round."""
+    laid_out = present(rounds_of(prepared)[1])
+    reach, range_m = prepared.fields[1].reach, prepared.scenario.sensor.range
+    find_ways = partial(ways_between, prepared.terrain, reach, range_m=range_m)
+    return KnownStations(laid_out, find_ways, weights)

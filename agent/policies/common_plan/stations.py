@@ -8,12 +8,15 @@ are put into groups anew.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.plan import oldest_ages, weighted_ages
+from patrol.tours.round import MOST_STATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +37,9 @@ MOST_TOGETHER = 16
 
 Ages = NDArray[np.float64]
 
+FindWays = Callable[[NDArray[np.int64]], NDArray[np.float64]]
+"""Returns how long the way from each to each of some points is, m, by their flat indices."""
+
 NO_WEIGHTS = np.zeros(0)
 """Given to the kernels where all points count the same."""
 
@@ -41,7 +47,7 @@ NO_WEIGHTS = np.zeros(0)
 class KnownStations:
     """The stations of a round, or of a stretch of it, and the ways between them."""
 
-    def __init__(self, laid_out: Round, weights: NDArray[np.float64] | None = None) -> None:
+    def __init__(self, laid_out: Round, find_ways: FindWays, weights: NDArray[np.float64] | None = None) -> None:
         """Take those of a round; ``weights`` (height, width) are None where all points count alike."""
         stations = laid_out.stations
         self.points, self.stands, self.spots, self.begins = (
@@ -62,13 +68,20 @@ class KnownStations:
             usual = np.sort(self.rates)[(len(self) - 1) // 2]
             self.weights, self.rates = self.weights / usual, self.rates / usual
         self.drawings: dict[tuple[int, ...], Any] = {}  # of some robots on them
-        self._set_ways(stations.apart_m)
+        self._find_ways, self._whole_m = find_ways, stations.apart_m
 
-    def _set_ways(self, apart_m: NDArray[np.float64]) -> None:
-        self.apart_m = np.ascontiguousarray(np.minimum(apart_m, NO_WAY_M))
+    @cached_property
+    def apart_m(self) -> NDArray[np.float64]:
+        """Length of the way from each station to each, m."""
+        ways_m = self._whole_m if len(self._whole_m) == len(self) else self._find_ways(self.spots)
+        return np.ascontiguousarray(np.minimum(ways_m, NO_WAY_M))
+
+    @cached_property
+    def near(self) -> NDArray[np.int64]:
+        """The nearest stations of each."""
         nearest = np.argsort(self.apart_m, axis=1, kind="stable")
         # Each station is the nearest to itself.
-        self.near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
+        return np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
 
     def __len__(self) -> int:
         return len(self.spots)
@@ -88,7 +101,7 @@ class KnownStations:
         part.length_m = self.length_m * (until - first) / len(self)
         part.rates, part.weights = self.rates[first:until], self.weights[points]
         part.first, part.drawings = self.first + points.start, {}
-        part._set_ways(self.apart_m[first:until, first:until])
+        part._find_ways, part._whole_m = self._find_ways, self._whole_m[first:until, first:until]
         return part
 
 
@@ -157,7 +170,8 @@ class Groups:
 
     def _divide(self, robots: frozenset[int]) -> list[Group]:
         if robots not in self._divided:
-            count = math.ceil(len(robots) / MOST_TOGETHER)
+            fewest = math.ceil(len(robots) / MOST_TOGETHER), math.ceil(len(self.known) / MOST_STATIONS)
+            count = min(max(fewest), len(robots))
             if count == 1:
                 groups = [Group(robots, self.known)]
             else:

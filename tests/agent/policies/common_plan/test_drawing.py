@@ -7,11 +7,10 @@ import pytest
 
 from agent.build import Shared
 from agent.policies.common_plan.drawing import Drawing, Part, Parts, _put_behind
-from agent.policies.common_plan.stations import KnownStations
 from agent.ports import GroundSetup, PolicySetup, RobotSetup
 from patrol.pose import Pose
+from tests.agent.plans import stations_of
 from tests.agent.policies.test_stochastic import STARTS, patrol
-from tests.present import present
 
 
 def drawing_of(speeds: tuple[float, ...], policy: str = "committed") -> Drawing:
@@ -20,7 +19,7 @@ def drawing_of(speeds: tuple[float, ...], policy: str = "committed") -> Drawing:
     spec, fields = scenario.roster[0], prepared.fields[1]
     ground = GroundSetup(prepared.terrain, fields, shared.posts_of(fields), shared.footprint, shared.known, {})
     setup = PolicySetup(RobotSetup(spec, scenario.lengths[1]), ground, shared.fleet, shared.kind.options)
-    return Drawing(setup, KnownStations(present(shared.known.rounds[1])), scenario.roster)
+    return Drawing(setup, stations_of(prepared), scenario.roster)
 
 
 @pytest.mark.parametrize("speeds", [(1.0,), (1.0, 1.0), (0.5, 1.5), (0.5, 1.0, 1.5)])

@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from agent.build import Shared
 from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.common_plan.robots import PACE
-from agent.policies.common_plan.stations import KnownStations
 from agent.ports import GroundSetup, PolicySetup, RobotSetup
 from patrol.ground.swept_path import advance, path_is_free
-from patrol.measures.best_tour import rounds_of
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP
-from tests.agent.plans import prepared_in, two_rooms
-from tests.present import present
+from tests.agent.plans import prepared_in, stations_of, two_rooms
 
 WILD = {"policy": "stochastic", "options": {"unpredictability": 20.0}}
 STARTS = [Pose(1.0, 1.0, 0.0), Pose(20.0, 6.0, 0.0)]
@@ -39,11 +36,11 @@ def plan_on(ready: Prepared, origin: int = 0, weights: NDArray[np.float64] | Non
     ground = GroundSetup(ready.terrain, fields, shared.posts_of(fields), shared.footprint, shared.known, {})
     robot = RobotSetup(spec, ready.scenario.lengths[1])
     setup = PolicySetup(robot, ground, shared.fleet, ready.scenario.patrol.options)
-    known = KnownStations(present(rounds_of(ready)[1]), weights)
+    known = stations_of(ready, weights)
     return CommonPlan(setup, known, ready.scenario.roster, origin)
 
 
-def stations_of(plan: CommonPlan, number: int, ticks: int) -> list[int]:
+def visits_of(plan: CommonPlan, number: int, ticks: int) -> list[int]:
     """The stations that a robot visits until a tick, in order."""
     visited = list[int]()
     for _ in range(ticks):
@@ -67,7 +64,7 @@ def test_all_that_work_it_out_find_the_same_whenever_they_do() -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_every_point_is_seen_again_and_again(model: str) -> None:
     plan = plan_on(prepared(model))
-    known = KnownStations(present(rounds_of(prepared(model))[1]))
+    known = stations_of(prepared(model))
     plan.advance_to(300)
     begun = plan.tick
     plan.advance_to(700)
@@ -104,7 +101,7 @@ def test_its_robots_pass_each_other(model: str) -> None:
 
 def test_fast_robots_make_more_of_the_visits() -> None:
     ready = prepared(speeds=(2.0, 1.0))
-    fast, slow = (stations_of(plan_on(ready), number, 800) for number in (1, 2))
+    fast, slow = (visits_of(plan_on(ready), number, 800) for number in (1, 2))
     assert len(fast) > 1.3 * len(slow)
 
 
@@ -122,13 +119,13 @@ def test_a_later_plan_begins_with_robots_spread_over_the_round() -> None:
     plan = plan_on(ready, origin=7200)
     assert math.dist(*plan.places(7200)) > 4.0
     assert plan.since == 7200
-    ages = 7200 - plan.last_seen.flat[present(rounds_of(ready)[1]).points]
+    ages = 7200 - plan.last_seen.flat[stations_of(ready).points]
     assert ages.max() * STEP <= plan.interval_s + STEP
 
 
 def test_other_seeds_and_unpredictability_give_other_orders() -> None:
     def order(ready: Prepared) -> list[int]:
-        return stations_of(plan_on(ready), 1, 400)
+        return visits_of(plan_on(ready), 1, 400)
 
     assert order(prepared()) == order(prepared())
     assert order(prepared()) != order(prepared(unpredictability=0.0))

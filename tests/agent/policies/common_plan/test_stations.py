@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from agent.policies.common_plan import stations as module
-from agent.policies.common_plan.stations import Group, Groups, KnownStations
-from patrol.measures.best_tour import rounds_of
+from agent.policies.common_plan.stations import Group, Groups
 from patrol.pose import Pose
 from patrol.prepare import Prepared
-from tests.agent.plans import prepared_in, two_rooms
-from tests.present import present
+from patrol.tours import round as rounds
+from tests.agent.plans import prepared_in, stations_of, two_rooms
 
 ALL = frozenset(range(1, 7))
 
@@ -21,8 +20,7 @@ def prepared(speeds: tuple[float, ...] = (1.0,) * 6) -> Prepared:
 
 
 def groups_of(ready: Prepared) -> Groups:
-    known = KnownStations(present(rounds_of(ready)[1]))
-    return Groups(known, ready.scenario.roster, ready.starts, ready.terrain)
+    return Groups(stations_of(ready), ready.scenario.roster, ready.starts, ready.terrain)
 
 
 @pytest.fixture
@@ -58,6 +56,24 @@ def test_a_stretch_is_the_round_without_the_other_stations(groups: Groups) -> No
         assert part.points[part.span(station)].tolist() == known.points[known.span(2 + station)].tolist()
         assert (part.around.flat[part.points[part.span(station)]] == station).all()
     assert np.count_nonzero(part.around >= 0) == part.points.size
+
+
+def test_on_large_ground_each_group_finds_the_ways_of_its_own_stations(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = groups_of(prepared()).known
+    for limited in (module, rounds):
+        monkeypatch.setattr(limited, "MOST_STATIONS", 8)
+    groups = groups_of(prepared())
+    assert len(groups.known) == len(known)
+    assert not groups.known._whole_m.size
+    parts = [group.known for group in all_of(groups, ALL, ALL)]
+    assert len(parts) == -(-len(known) // 8)
+    for part in parts:
+        first = known.begins.tolist().index(part.first)
+        whole_m = known.apart_m[first : first + len(part), first : first + len(part)]
+        is_near = whole_m < rounds.NEAR * 2.0
+        np.testing.assert_allclose(part.apart_m[is_near], whole_m[is_near])
+        assert (part.apart_m[~is_near] >= whole_m[~is_near]).all()
+        assert part.near.shape == (len(part), min(8, len(part) - 1))
 
 
 def test_neighbours_are_together(groups: Groups) -> None:
@@ -96,10 +112,9 @@ def test_a_robot_that_joins_is_in_a_group(groups: Groups) -> None:
 def test_where_ground_weighs_more_a_group_has_fewer_stations(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_TOGETHER", 3)
     ready = prepared()
-    laid_out = present(rounds_of(ready)[1])
     weights = np.ones(ready.terrain.shape)
     weights[:, : ready.terrain.width // 2] = 3.0
-    groups = Groups(KnownStations(laid_out, weights), ready.scenario.roster, ready.starts, ready.terrain)
+    groups = Groups(stations_of(ready, weights), ready.scenario.roster, ready.starts, ready.terrain)
     heavy, light = sorted((group.known for group in all_of(groups, ALL, ALL)), key=len)
     assert heavy.rates.sum() == pytest.approx(light.rates.sum(), rel=0.15)
     assert len(heavy) < 0.8 * len(light)
@@ -116,9 +131,8 @@ def test_robots_of_a_part_in_which_all_are_spare_share_it() -> None:
 def test_most_stations_count_as_without_weights(factor: float) -> None:
     """A light corner does not make all other ground heavy, nor does a zone over all of it."""
     ready = prepared()
-    laid_out = present(rounds_of(ready)[1])
     weights = np.full(ready.terrain.shape, factor)
     weights[:, : ready.terrain.width // 3] *= 0.01
-    rates = KnownStations(laid_out, weights).rates
+    rates = stations_of(ready, weights).rates
     assert np.median(rates) == rates.max() == 1.0
     assert rates.min() <= 0.02
