@@ -211,12 +211,13 @@ class TourFinder:
         if digest not in _known:
             file = _tour_file(f"{digest}.json")
             try:
-                tour = _read_tour(file, self.terrain, own)
+                tour: Tour | None = _read_tour(file, self.terrain, own)
             except (OSError, ValueError, LookupError, TypeError):
                 from patrol.tours.search import find_tour  # here: most processes need no tour
 
                 tour = find_tour(self.terrain, own.reach, ground, own.proxy, self._footprint)
-                _keep_tour(file, tour)
+                if tour is not None:
+                    _keep_tour(file, tour)
             if len(_known) >= MOST_KNOWN:
                 del _known[next(iter(_known))]
             _known[digest] = tour
@@ -241,11 +242,9 @@ class TourFinder:
         return digest.hexdigest()[:32]
 
 
-def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
+def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour:
     """Read a tour from the cache; raise ValueError or what reading raises where it holds none of this ground."""
     says = json.loads(file.read_text(encoding="utf-8"))
-    if says["length_m"] is None:
-        return None
     tour = Tour(float(says["length_m"]), tuple((float(x), float(y)) for x, y in says["way"]))
     if not (0.0 <= tour.length_m < float("inf")) or not tour.way:
         raise ValueError("no tour")
@@ -254,11 +253,11 @@ def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
     return tour
 
 
-def _keep_tour(file: Path, tour: Tour | None) -> None:
+def _keep_tour(file: Path, tour: Tour) -> None:
     """Write a tour into the cache, if it can be written."""
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, json.dumps({"length_m": None} if tour is None else asdict(tour)))
+        write_whole(file, json.dumps(asdict(tour)))
 
 
 def _tour_file(name: str) -> Path:

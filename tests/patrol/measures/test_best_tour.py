@@ -188,7 +188,7 @@ def test_a_round_is_laid_out_once_and_read_afterwards(cache: Path, monkeypatch: 
         again = rounds_of(prepared(speeds=ALIKE))[1]
         assert_same_round(first, again)
     monkeypatch.setattr(patrol.tours.round, "_assign_stops", None)
-    monkeypatch.setattr(patrol.tours.round, "_distances_between", None)
+    monkeypatch.setattr(patrol.tours.round, "ways_between", None)
     assert_same_round(first, rounds_of(prepared(speeds=ALIKE))[1])
 
 
