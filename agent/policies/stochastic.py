@@ -45,13 +45,16 @@ if TYPE_CHECKING:
     from patrol.tours.round import Flat, Round
 
 
-LEAST_STATIONS, LEAST_BEST = 5.0, 2.5
+LEAST_STATIONS, LEAST_BEST = 4.0, 2.5
 """Least number of stations for each robot that is not spare, where they are drawn, and where they are not. With fewer,
 another robot sees most of what one would plan to see before it."""
 
-SHORT, LONG = 1.6, 10.0
+SHORT, LONG = 1.45, 10.0
 """Length of the tour for each, in ranges of the sensor, below which robots are crowded however many stations there are,
 and from which on they are not: few vertices may lie far apart."""
+
+DENSE, SHORT_DENSE = 3.5, 2.7
+"""Where there are more stations than that in a range of the tour, as in small rooms, robots are crowded below this."""
 
 MOST_PLANNED = 4_000
 """Stations of the largest group, which robots that are too few for the ground have; more take minutes."""
@@ -80,7 +83,8 @@ class Drawn:
         known, team = groups.known, max(len(self._team), 1)
         fewest = LEAST_STATIONS if setup.options.unpredictability > 0.0 else LEAST_BEST
         ranges = known.length_m / (team * sight.range_m)
-        self._is_crowded = team > 1 and (ranges < SHORT or (len(known) < fewest * team and ranges < LONG))
+        shortest = SHORT_DENSE if len(known) > DENSE * team * ranges else SHORT
+        self._is_crowded = team > 1 and (ranges < shortest or (len(known) < fewest * team and ranges < LONG))
         self._believed, self._on_plan = Believed(setup, laid_out, free), OnPlan(setup, free)
         self._choice: Believed | OnPlan | None = None  # None for free choices
 
