@@ -13,7 +13,8 @@ No robot says where it is going. Each works out what all do, and takes its own p
 
 Where zones weigh, the ages of their points count more (`patrol.measures.zoned`), so robots come by them more often.
 
-Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`), and
+Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
+too few for the ground (`MOST_PLANNED`), and
 for a robot for which no station is left, or to whose place no way leads. They are free, too, where doors may close:
 each robot knows of other closed doors, so none can tell what the others do.
 """
@@ -54,10 +55,10 @@ SHORT, LONG = 1.45, 10.0
 and from which on they are not: few vertices may lie far apart."""
 
 DENSE, SHORT_DENSE = 3.5, 2.7
-"""Where there are more stations than that in a range of the tour, as in small rooms, robots are crowded below this."""
+"""Stations in a range of the tour above which rooms count as small, and what takes the place of `SHORT` there."""
 
 MOST_PLANNED = 4_000
-"""Stations of the largest group, which robots that are too few for the ground have; more take minutes."""
+"""Largest number of stations that a group plans; with more, as for few robots on large ground, its choices are free."""
 
 MARGIN = 1.25
 """How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
@@ -140,16 +141,16 @@ class Stochastic(Commitment):
             self._sharing = _find_sharing(setup, laid_out.points)
             self._share(*self._sharing)
 
-    def _share(self, widest: int, robots: frozenset[int]) -> None:
+    def _share(self, widest_robot: int, robots: frozenset[int]) -> None:
         """Choose on the widest robot's round, shared with some robots, this one among them, by the zones in force."""
         ground, prepared = self._setup.ground, self._setup.ground.prepared
-        laid_out = prepared.rounds[widest]
+        laid_out = prepared.rounds[widest_robot]
         assert laid_out is not None
         # The round is kept, so that no other one gets its identity.
         groups_by_round: dict[tuple[object, ...], tuple[Round, Groups]] = ground.scratch.setdefault("groups", {})
         question = id(laid_out), self._weighing
         if question not in groups_by_round:
-            reach = prepared.fields[widest].reach
+            reach = prepared.fields[widest_robot].reach
             find_ways = partial(ways_between, prepared.terrain, reach, range_m=ground.sight.range_m)
             known = KnownStations(laid_out, find_ways, self._free.zones.under(self._weighing, MARGIN))
             groups = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)

@@ -139,6 +139,8 @@ def lengths_between(is_open, places, limit, lengths):
         steps[begins[first] : begins[first + 1]] = lengths[first][lengths[first] != FAR]
     missing = 0
     for first in range(places.size):
+        if begins[first + 1] - begins[first] == places.size:
+            continue  # all are exact
         away = lengths[first]
         heap = [(steps[k], near[k]) for k in range(begins[first], begins[first + 1])]
         heapify(heap)

@@ -31,7 +31,7 @@ class NamedPatrol(NamedTuple):
     price: str  # one line to choose by
 
 
-PREDICTABLE = "predictable: an intruder that watches gets in about three times as often as one that does not"
+PREDICTABLE = "predictable: an intruder that watches gets in more than twice as often as one that does not"
 """The warning of the tour, at the start and the end of each run."""
 
 PATROLS: Mapping[str, NamedPatrol] = MappingProxyType(

@@ -214,7 +214,7 @@ STRETCH = 0.05
 """Length of a station, as a share of the sensor's range."""
 
 MOST_STATIONS = 2_000
-"""Stations of the largest round that knows the ways between all of them: their number grows with the square."""
+"""Stations of the largest round that knows the ways between all of them: the matrix grows with the square."""
 
 NEAR = 4.0
 """Length of the ways between stations that are searched for first, in ranges of the sensor."""

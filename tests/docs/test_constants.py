@@ -29,7 +29,7 @@ from patrol.radio import message
 from patrol.regions.pieces import MOST_CORNERS, POCKET, SMOOTHED
 from patrol.scenario import step
 from patrol.tours import search
-from patrol.tours.round import MOST_STATIONS, STRETCH
+from patrol.tours.round import STRETCH
 from ros2.robot import steering, stops
 from runtime.net.settings import MOST_STRANGERS
 from runtime.process.deadline import DECISION_LIMIT_S, MOST_CALLS
@@ -80,7 +80,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "by # small moves each time (`MOVES_BEST`)", (drawing.MOVES_BEST,)),
     ("algorithm", "anew after # s (`PERIOD_BEST_S`)", (drawing.PERIOD_BEST_S,)),
     ("algorithm", "at least # stations for each (`LEAST_BEST`)", (stochastic.LEAST_BEST,)),
-    ("algorithm", "of about # stations (`MOST_STATIONS`)", (MOST_STATIONS,)),
+    ("algorithm", "of about # stations at most (`STATIONS_TOGETHER`)", (known_stations.STATIONS_TOGETHER,)),
     ("algorithm", "more than # stations (`MOST_PLANNED`)", (stochastic.MOST_PLANNED,)),
     ("algorithm", "or a tour of # places", (search.MOST_PLACES,)),
     ("algorithm", "(# million points,", (search.MOST_POINTS / 1e6,)),

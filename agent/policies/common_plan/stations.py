@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.plan import oldest_ages, weighted_ages
-from patrol.tours.round import MOST_STATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +33,12 @@ NO_WAY_M = 1e6
 
 MOST_TOGETHER = 16
 """Robots of the largest group that plans together."""
+
+STATIONS_TOGETHER = 2_000
+"""About how many stations a group plans at most where there are enough robots."""
+
+MOST_DIVISIONS = 4
+"""Divisions of the robots into groups that are kept, such as that of all while one is silent."""
 
 Ages = NDArray[np.float64]
 
@@ -68,12 +73,12 @@ class KnownStations:
             usual = np.sort(self.rates)[(len(self) - 1) // 2]
             self.weights, self.rates = self.weights / usual, self.rates / usual
         self.drawings: dict[tuple[int, ...], Any] = {}  # of some robots on them
-        self._find_ways, self._whole_m = find_ways, stations.apart_m
+        self._find_ways, self._known_ways_m = find_ways, stations.apart_m
 
     @cached_property
     def apart_m(self) -> NDArray[np.float64]:
         """Length of the way from each station to each, m."""
-        ways_m = self._whole_m if len(self._whole_m) == len(self) else self._find_ways(self.spots)
+        ways_m = self._known_ways_m if len(self._known_ways_m) == len(self) else self._find_ways(self.spots)
         return np.ascontiguousarray(np.minimum(ways_m, NO_WAY_M))
 
     @cached_property
@@ -101,7 +106,7 @@ class KnownStations:
         part.length_m = self.length_m * (until - first) / len(self)
         part.rates, part.weights = self.rates[first:until], self.weights[points]
         part.first, part.drawings = self.first + points.start, {}
-        part._find_ways, part._whole_m = self._find_ways, self._whole_m[first:until, first:until]
+        part._find_ways, part._known_ways_m = self._find_ways, self._known_ways_m[first:until, first:until]
         return part
 
 
@@ -169,15 +174,18 @@ class Groups:
         return Group(group.robots & living, group.known)
 
     def _divide(self, robots: frozenset[int]) -> list[Group]:
-        if robots not in self._divided:
-            fewest = math.ceil(len(robots) / MOST_TOGETHER), math.ceil(len(self.known) / MOST_STATIONS)
+        groups = self._divided.pop(robots, None)
+        if groups is None:
+            fewest = math.ceil(len(robots) / MOST_TOGETHER), math.ceil(len(self.known) / STATIONS_TOGETHER)
             count = min(max(fewest), len(robots))
             if count == 1:
                 groups = [Group(robots, self.known)]
             else:
                 groups = self._cut(sorted(robots, key=lambda number: (self._first_station[number], number)), count)
-            self._divided[robots] = groups
-        return self._divided[robots]
+        self._divided[robots] = groups
+        if len(self._divided) > MOST_DIVISIONS:
+            del self._divided[next(iter(self._divided))]
+        return groups
 
     def _cut(self, numbers: list[int], count: int) -> list[Group]:
         """Give some robots in a row stations in a row, as much weight as they have speed."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agent.chance import Chance
+from agent.policies import stochastic
 from agent.policies.common_plan.following import OnPlan
 from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.stochastic import Drawn, Stochastic
@@ -170,9 +171,24 @@ def test_where_there_is_no_round_each_choice_is_free() -> None:
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
 
 
-@pytest.mark.parametrize(("range_m", "crowded"), [(1.0, False), (5.0, True)])
-def test_where_robots_are_crowded_each_choice_is_free(range_m: float, crowded: bool) -> None:
-    """Four robots in two rooms, with fewer stations than five for each where they see 5 m far."""
+@pytest.mark.parametrize(
+    ("range_m", "limits", "crowded"),
+    [
+        (1.0, {}, False),
+        (5.0, {}, True),
+        (1.0, {"SHORT": 1000.0}, True),
+        (1.0, {"SHORT_DENSE": 1000.0}, False),
+        (1.0, {"SHORT_DENSE": 1000.0, "DENSE": 0.0}, True),
+        (1.0, {"MOST_PLANNED": 3}, True),
+    ],
+    ids=["large", "small", "short", "not dense", "dense", "too large"],
+)
+def test_where_robots_are_crowded_each_choice_is_free(
+    range_m: float, limits: dict[str, float], crowded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four robots in two rooms, with fewer stations than four for each where they see 5 m far."""
+    for name, limit in limits.items():
+        monkeypatch.setattr(stochastic, name, limit)
     rooms = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
     starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
     settings: dict[str, Any] = {"patrol": {"policy": "stochastic"}, "sensor": {"range": range_m}}

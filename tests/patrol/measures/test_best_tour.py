@@ -165,7 +165,7 @@ def test_the_tour_of_a_built_in_terrain_comes_with_the_code_and_nothing_is_store
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "{}", "[]", "\x00", '{"length_m": "far"}', '{"length_m": 5.0, "way": []}'),
+        *("", "{}", "[]", "\x00", '{"length_m": null}', '{"length_m": "far"}', '{"length_m": 5.0, "way": []}'),
         *(f'{{"length_m": {length}, "way": [[5.25, 5.25]]}}' for length in ("-1.0", "NaN")),
         *(f'{{"length_m": 5.0, "way": {way}}}' for way in ("[[1e9, 5.25]]", "[5.25]", "[[0.01, 0.01]]")),
     ],

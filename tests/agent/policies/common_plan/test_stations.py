@@ -60,11 +60,10 @@ def test_a_stretch_is_the_round_without_the_other_stations(groups: Groups) -> No
 
 def test_on_large_ground_each_group_finds_the_ways_of_its_own_stations(monkeypatch: pytest.MonkeyPatch) -> None:
     known = groups_of(prepared()).known
-    for limited in (module, rounds):
-        monkeypatch.setattr(limited, "MOST_STATIONS", 8)
+    monkeypatch.setattr(module, "STATIONS_TOGETHER", 8)
+    monkeypatch.setattr(rounds, "MOST_STATIONS", 8)
     groups = groups_of(prepared())
     assert len(groups.known) == len(known)
-    assert not groups.known._whole_m.size
     parts = [group.known for group in all_of(groups, ALL, ALL)]
     assert len(parts) == -(-len(known) // 8)
     for part in parts:
@@ -136,3 +135,11 @@ def test_most_stations_count_as_without_weights(factor: float) -> None:
     rates = stations_of(ready, weights).rates
     assert np.median(rates) == rates.max() == 1.0
     assert rates.min() <= 0.02
+
+
+def test_few_divisions_are_kept_and_that_of_all_robots_stays(groups: Groups) -> None:
+    whole = groups.find(1, ALL, ALL)
+    for lost in range(2, 7):
+        groups.find(1, ALL, frozenset({1, lost}))
+    assert len(groups._divided) <= module.MOST_DIVISIONS
+    assert groups.find(1, ALL, ALL).known is whole.known
