@@ -14,9 +14,8 @@ No robot says where it is going. Each works out what all do, and takes its own p
 Where zones weigh, the ages of their points count more (`patrol.measures.zoned`), so robots come by them more often.
 
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
-too few for the ground (`MOST_PLANNED`), and
-for a robot for which no station is left, or to whose place no way leads. They are free, too, where doors may close:
-each robot knows of other closed doors, so none can tell what the others do.
+too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
+They are free, too, where doors may close: each robot knows of other closed doors, so none can tell what the others do.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "At most # neighbours (`MOST_TOGETHER`)", (known_stations.MOST_TOGETHER,)),
     ("algorithm", "with fewer than # stations for each (`LEAST_STATIONS`,", (stochastic.LEAST_STATIONS,)),
     ("algorithm", "shorter than # sensor ranges for each (`SHORT`)", (stochastic.SHORT,)),
-    ("algorithm", "or than # (`SHORT_DENSE`)", (stochastic.SHORT_DENSE,)),
+    ("algorithm", "shorter than # (`SHORT_DENSE`)", (stochastic.SHORT_DENSE,)),
     ("algorithm", "more than # stations in each range (`DENSE`)", (stochastic.DENSE,)),
     ("algorithm", "shorter than # (`LONG`)", (stochastic.LONG,)),
     ("zones", "count # times as much as that (`MARGIN`)", (stochastic.MARGIN,)),
