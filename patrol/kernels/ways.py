@@ -133,7 +133,8 @@ def lengths_between(is_open, places, limit, lengths):
     begins = np.zeros(places.size + 1, dtype=np.int64)
     for first in range(places.size):
         begins[first + 1] = begins[first] + np.count_nonzero(lengths[first] != FAR)
-    near, steps = np.empty(begins[-1], dtype=np.int64), np.empty(begins[-1], dtype=np.int64)
+    pairs = begins[places.size]
+    near, steps = np.empty(pairs, dtype=np.int64), np.empty(pairs, dtype=np.int64)
     for first in range(places.size):
         near[begins[first] : begins[first + 1]] = np.flatnonzero(lengths[first] != FAR)
         steps[begins[first] : begins[first + 1]] = lengths[first][lengths[first] != FAR]
