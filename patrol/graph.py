@@ -342,7 +342,8 @@ def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
 
 def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footprint) -> Graph:
     """Make the graph of the ground of one kind of body."""
-    from patrol.kernels.ways import FAR  # here, as everywhere: few runs need a graph, and its kernels
+    from patrol.ground.ways import framed, lengths_among  # here, as everywhere: few runs need a graph, and its kernels
+    from patrol.kernels.ways import FAR
     from patrol.tours.cover import Looks, Views, complete, cover_roughly, needed
 
     part = np.asarray(fields.reach)
@@ -353,7 +354,9 @@ def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footpri
         exact.add(cell)
     places = sorted(needed(chosen + complete(exact, part, fields.proxy), exact))
     rows, cols = np.divmod(np.array(places, dtype=np.int64), terrain.width)
-    lengths = _way_lengths(part, rows, cols, NEAR * footprint.radius)
+    # Longer ways may lead through other places; those that have one in between are no neighbours anyway.
+    limit = round(100.0 * NEAR * footprint.radius)
+    lengths = lengths_among(framed(part), (rows + 1) * (terrain.width + 2) + cols + 1, limit)
     edges = []
     for first in range(len(places)):
         for last in range(first + 1, len(places)):
@@ -361,29 +364,6 @@ def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footpri
             if way < FAR and not (np.maximum(lengths[first], lengths[last]) < way).any():
                 edges.append((first, last, float(way) * terrain.point / 100.0))
     return graph_of([terrain.centre(int(row), int(col)) for row, col in zip(rows, cols, strict=True)], edges)
-
-
-def _way_lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.int32]:
-    """Compute the lengths of the ways between places, int32 (v, v), in hundredths of a point; `FAR` without a way.
-
-    Ways are searched for up to a length first. A longer one leads through other places then, which does not matter:
-    places that have another one in between are no neighbours.
-    """
-    from patrol.ground.ways import framed
-    from patrol.kernels.clearance import label_parts
-    from patrol.kernels.ways import FAR, lengths_between
-
-    is_open = framed(part)
-    lengths = np.empty((rows.size, rows.size), dtype=np.int32)
-    places = (rows + 1) * is_open.shape[1] + cols + 1
-    labels = np.empty(is_open.shape, dtype=np.int32)
-    label_parts(is_open, labels, np.empty(is_open.size, dtype=np.int32))
-    of_part = np.bincount(labels.reshape(-1)[places])
-    apart = rows.size**2 - int((of_part**2).sum())
-    limit = min(round(100.0 * near), FAR // 2)
-    while lengths_between(is_open, places, limit, lengths) > apart:
-        limit = min(4 * limit, FAR // 2)
-    return lengths
 
 
 STARTS = 6

@@ -83,9 +83,9 @@ PLACES = types.Array(types.float64, 2, "C", readonly=True)
 WAYS = types.Array(types.float64, 2, "C")
 
 
-@njit(types.void(PLACES, POINTS, PLACES, PLACES, float64, float64, WAYS), cache=True, nogil=True)
-def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
-    """Find about how long a robot takes from each of some places to each station.
+@njit(types.void(PLACES, POINTS, PLACES, PLACES, float64, WAYS), cache=True, nogil=True)
+def guess_ways(places, seen_from, spots, apart, longest, ways):
+    """Find about how long the way from each of some places to each station is.
 
     That is the mean of the way by the station from which a place is seen and of the shortest way that there could be.
 
@@ -95,8 +95,7 @@ def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
         spots: float64 (stations, 2), x and y of each in m.
         apart: float64 (stations, stations), how long the way from each to each is, m.
         longest: Longest way that counts, m.
-        pace: Time for a way of one metre, s.
-        ways: float64 (n, stations), overwritten: s.
+        ways: float64 (n, stations), overwritten: m.
     """
     away = np.empty(spots.shape[0])
     for i in range(places.shape[0]):
@@ -110,7 +109,7 @@ def guess_ways(places, seen_from, spots, apart, longest, pace, ways):
         first = away[station]
         for k in range(spots.shape[0]):
             around = min(apart[station, k] + first, longest)
-            ways[i, k] = 0.5 * (around + max(away[k], apart[station, k] - first)) * pace
+            ways[i, k] = 0.5 * (around + max(away[k], apart[station, k] - first))
 
 
 ROUTES = types.Array(types.int64, 2, "C")
@@ -120,6 +119,7 @@ NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 TIMES = types.Array(types.float64, 2, "C", readonly=True)
 INPUTS = (TIMES, TIMES, ROW, ROW, ROW, NEAR)
+TIMED = types.Tuple(INPUTS[:5])  # type: ignore[no-untyped-call]
 PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
@@ -144,12 +144,13 @@ def _draw_below(state, limit):
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
-@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, ROW, NOTED, NOTED), cache=True, nogil=True)
-def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, rates, costs, arrivals):
+@njit(float64(ROUTES, int64, COUNTS, int64, int64, TIMED, NOTED, NOTED), cache=True, nogil=True)
+def _cost(routes, robot, tail, since, count, timed, costs, arrivals):
     """Return the cost of a robot's route with another tail, `tail[since:count]`.
 
     That is the sum of the eighth powers of the stations' ages when the robot visits them.
     """
+    leads, apart, paces, ages, rates = timed
     cost, arrival = costs[robot, since], arrivals[robot, since]
     before = routes[robot, max(since - 1, 0)]
     for k in range(since, count):
@@ -164,13 +165,10 @@ def _cost(routes, robot, tail, since, count, leads, apart, paces, ages, rates, c
     return cost
 
 
-@njit(
-    types.void(ROUTES, int64, COUNTS, int64, int64, TIMES, TIMES, ROW, ROW, ROW, NOTED, NOTED, COUNTS, COUNTS),
-    cache=True,
-    nogil=True,
-)
-def _note(routes, robot, tail, since, count, leads, apart, paces, ages, rates, costs, arrivals, owner, position):
+@njit(types.void(ROUTES, int64, COUNTS, int64, int64, TIMED, NOTED, NOTED, COUNTS, COUNTS), cache=True, nogil=True)
+def _note(routes, robot, tail, since, count, timed, costs, arrivals, owner, position):
     """Give a robot's route another tail, as of `_cost`; note whose its stations are, and what they cost up to each."""
+    leads, apart, paces, ages, rates = timed
     for k in range(since, count):
         here = tail[k]
         routes[robot, k] = here
@@ -195,8 +193,9 @@ def _improve(routes, counts, pinned, leads, apart, paces, ages, rates, near, mov
     owner, position = np.zeros(size, np.int64), np.zeros(size, np.int64)
     # Of as many of a route's first stations as the index says: their cost, and when the last is visited.
     costs, arrivals = np.zeros((robots, size + 1)), np.zeros((robots, size + 1))
+    timed = leads, apart, paces, ages, rates
     for r in range(robots):
-        _note(routes, r, routes[r], 0, counts[r], leads, apart, paces, ages, rates, costs, arrivals, owner, position)
+        _note(routes, r, routes[r], 0, counts[r], timed, costs, arrivals, owner, position)
     # What a move puts behind the stations that stay, at the places where it would stand.
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
@@ -251,52 +250,18 @@ def _improve(routes, counts, pinned, leads, apart, paces, ages, rates, near, mov
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
         cost_before = costs[q, counts[q]]
-        cost_after = _cost(
-            routes, q, second, second_since, second_count, leads, apart, paces, ages, rates, costs, arrivals
-        )
+        cost_after = _cost(routes, q, second, second_since, second_count, timed, costs, arrivals)
         if r != q:
             cost_before += costs[r, counts[r]]
-            cost_after += _cost(
-                routes, r, first, first_since, first_count, leads, apart, paces, ages, rates, costs, arrivals
-            )
+            cost_after += _cost(routes, r, first, first_since, first_count, timed, costs, arrivals)
         # A plan of the same cost is taken too: it may lead on to better ones.
         if cost_after > cost_before:
             continue
         counts[q] = second_count
-        _note(
-            routes,
-            q,
-            second,
-            second_since,
-            second_count,
-            leads,
-            apart,
-            paces,
-            ages,
-            rates,
-            costs,
-            arrivals,
-            owner,
-            position,
-        )
+        _note(routes, q, second, second_since, second_count, timed, costs, arrivals, owner, position)
         if r != q:
             counts[r] = first_count
-            _note(
-                routes,
-                r,
-                first,
-                first_since,
-                first_count,
-                leads,
-                apart,
-                paces,
-                ages,
-                rates,
-                costs,
-                arrivals,
-                owner,
-                position,
-            )
+            _note(routes, r, first, first_since, first_count, timed, costs, arrivals, owner, position)
     total = 0.0
     for r in range(robots):
         total += costs[r, counts[r]]

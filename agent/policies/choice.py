@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
-from agent.policies.pursuit import TRIES, Target, age_of
+from agent.policies.pursuit import TRIES, Point, Target, age_of
 from agent.routes.ground import NO_PATHS, BoxPaths
 from agent.routes.wave import LONGEST, Box, box_around, paths_in
 from patrol.measures.zoned import ZonedGround
@@ -57,9 +57,6 @@ ROUNDING = 1e-9
 """Share by which a bound is lowered, so that no rounding makes it too high."""
 
 NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2))
-
-Point = tuple[int, int]
-"""Row and column of the terrain."""
 
 
 class Best(NamedTuple):

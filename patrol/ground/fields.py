@@ -37,6 +37,10 @@ class StaticFields:
     # (paper/NOTES 4: such points pull through it), else -1
     proxy: IntGrid
 
+    def stands_for(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return from where points are seen, flat indices: from there, or from their posts where no body fits."""
+        return np.where(self.reach.reshape(-1)[points], points, self.proxy.reshape(-1)[points])
+
     def watching(self, points: BoolGrid) -> StaticFields:
         """Return the fields of robots that patrol nothing else than some points."""
         proxy = np.where(points, self.proxy, np.int32(-1))

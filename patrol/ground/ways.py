@@ -20,6 +20,26 @@ def framed(reach: BoolGrid) -> NDArray[np.uint8]:
     return np.pad(reach, 1).view(np.uint8)
 
 
+def lengths_among(is_open: NDArray[np.uint8], places: NDArray[np.int64], limit: int) -> NDArray[np.int32]:
+    """Return the lengths of the ways from each to each of some places, int32 (n, n), in hundredths of a point.
+
+    `FAR` where no way leads. The places are flat indices of ground as of `framed`, all different. Ways are searched for
+    up to `limit` first; a longer one may lead through other places, and then be a little longer than the shortest.
+    """
+    from patrol.kernels.clearance import label_parts
+    from patrol.kernels.ways import FAR, lengths_between
+
+    labels = np.empty(is_open.shape, dtype=np.int32)
+    label_parts(is_open, labels, np.empty(is_open.size, dtype=np.int32))
+    of_part = np.bincount(labels.reshape(-1)[places])
+    apart = places.size**2 - int((of_part**2).sum())  # pairs in different parts
+    lengths = np.empty((places.size, places.size), dtype=np.int32)
+    limit = min(limit, FAR // 2)
+    while lengths_between(is_open, places, limit, lengths) > apart:
+        limit = min(2 * limit, FAR // 2)
+    return lengths
+
+
 def lengths_along(reach: BoolGrid, starts: list[tuple[int, int]], limit: int) -> NDArray[np.int32]:
     """Return the lengths of the ways from the nearest of several points.
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from patrol.files.whole_file import replacing
 from patrol.ground.fields import load_grid, save_grids
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import framed
+from patrol.ground.ways import framed, lengths_among
 from patrol.tours.cover import Looks
 
 if TYPE_CHECKING:
@@ -53,15 +53,14 @@ PLACES = 0.02
 SLACK = 0.075
 """How far before and after a place a point has to be seen as well, as a share of the sensor's range."""
 
-ARRAYS = ("places", "along", "points", "place_of", "stands")
-STATIONS = "stations"
+ARRAYS = ("places", "along", "points", "place_of", "stands", "spots", "begins", "apart_m", "around")
 
 Flat = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A closed tour through places, and the points (flat indices) that are to be seen from each."""
+    """A closed tour through places, the points (flat indices) that are to be seen from each, and its stations."""
 
     length_m: float
     places: Flat  # (n,), the point of each place, in the order of the tour
@@ -69,18 +68,19 @@ class Round:
     points: Flat  # (p,), the patrolled points, by the place to which they belong
     place_of: Flat  # (p,), the place of each of them, ascending
     stands: Flat  # (p,), the point to stand on to see each: its place, or its own post where no place sees it
-    stations: Stations
+    spots: Flat  # (s,), flat index of a point in the middle of each station
+    begins: Flat  # (s + 1,), where each station's points begin in `points`, and where the last one's end
+    apart_m: NDArray[np.float64]  # (s, s), as of `ways_between`; (0, 0) for more than `MOST_STATIONS`
+    around: NDArray[np.int32]  # (height, width), the station to which each point of the terrain belongs; -1 for none
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files into a folder, which is made when missing."""
         save_grids(folder, self, ("length_m", *ARRAYS))
-        self.stations.save(folder / STATIONS)
 
     @staticmethod
     def load(folder: Path) -> Round:
         """Load what `save` wrote, memory-mapped and read-only."""
-        arrays = {name: load_grid(folder / f"{name}.npy") for name in ARRAYS}
-        return Round(float(load_grid(folder / "length_m.npy")), **arrays, stations=Stations.load(folder / STATIONS))
+        return Round(float(load_grid(folder / "length_m.npy")), *(load_grid(folder / f"{name}.npy") for name in ARRAYS))
 
 
 def lay_out(
@@ -115,15 +115,17 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     place_of = flat_owner[points]
-    stations = _find_stations(
-        terrain, reach, places, along, points, place_of, footprint.range_m, None if known is None else known[1]
-    )
-    if file is not None and (known is None or stations.apart_m is not known[1]):
+    spots, begins, around = _find_stations(terrain, places, along, points, place_of, footprint.range_m)
+    size = len(spots) if len(spots) <= MOST_STATIONS else 0
+    apart_m = np.empty((0, 0)) if known is None else known[1]
+    if is_new := known is None or apart_m.shape != (size, size):
+        apart_m = ways_between(terrain, reach, spots[:size], footprint.range_m)
+    if file is not None and is_new:
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             with replacing(file) as part, part.open("wb") as output:
-                np.savez_compressed(output, stops=stops, apart_m=stations.apart_m)
-    return Round(length_m, places, along, points, place_of, stands[points], stations)
+                np.savez_compressed(output, stops=stops, apart_m=apart_m)
+    return Round(length_m, places, along, points, place_of, stands[points], spots, begins, apart_m, around)
 
 
 def _read_kept(file: Path | None, points: int, places: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
@@ -219,39 +221,11 @@ MOST_STATIONS = 2_000
 NEAR = 4.0
 """Length of the ways between stations that are searched for first, in ranges of the sensor."""
 
-STATION_ARRAYS = ("spots", "begins", "apart_m", "around")
-
-
-@dataclass(frozen=True, eq=False)
-class Stations:
-    """The stations of a round."""
-
-    spots: Flat  # (s,), flat index of a point in the middle of each station
-    begins: Flat  # (s + 1,), where each station's points begin in `Round.points`, and where the last one's end
-    apart_m: NDArray[np.float64]  # (s, s), as of `ways_between`; (0, 0) for more than `MOST_STATIONS`
-    around: NDArray[np.int32]  # (height, width), the station to which each point of the terrain belongs; -1 for none
-
-    def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files into a folder, which is made when missing."""
-        save_grids(folder, self, STATION_ARRAYS)
-
-    @staticmethod
-    def load(folder: Path) -> Stations:
-        """Load what `save` wrote, memory-mapped and read-only."""
-        return Stations(*(load_grid(folder / f"{name}.npy") for name in STATION_ARRAYS))
-
 
 def _find_stations(
-    terrain: Terrain,
-    reach: BoolGrid,  # where the body's centre may be
-    places: Flat,
-    along: NDArray[np.float64],
-    points: Flat,
-    place_of: Flat,
-    range_m: float,
-    apart_m: NDArray[np.float64] | None,  # length of the way between stations, where it is known
-) -> Stations:
-    """Put the stops of a round together into stations."""
+    terrain: Terrain, places: Flat, along: NDArray[np.float64], points: Flat, place_of: Flat, range_m: float
+) -> tuple[Flat, Flat, NDArray[np.int32]]:
+    """Put the stops of a round together into stations; return what a round says as `spots`, `begins` and `around`."""
     stops, firsts = np.unique(place_of, return_index=True)
     heads: list[int] = []
     for number, at_m in enumerate(along[stops].tolist()):
@@ -263,10 +237,7 @@ def _find_stations(
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
     around.flat[points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
-    size = len(spots) if len(spots) <= MOST_STATIONS else 0
-    if apart_m is None or apart_m.shape != (size, size):
-        apart_m = ways_between(terrain, reach, spots[:size], range_m)
-    return Stations(spots, begins, apart_m, around)
+    return spots, begins, around
 
 
 def ways_between(terrain: Terrain, reach: BoolGrid, spots: Flat, range_m: float) -> NDArray[np.float64]:
@@ -274,15 +245,10 @@ def ways_between(terrain: Terrain, reach: BoolGrid, spots: Flat, range_m: float)
 
     Ways of more than `NEAR` ranges of the sensor may be those by other stations, and then are a little longer.
     """
-    from patrol.kernels.ways import FAR, lengths_between  # here: most processes need no ways
+    from patrol.kernels.ways import FAR  # here: most processes need no ways
 
     rows, cols = np.divmod(spots, terrain.width)
-    longest = 141 * reach.size
-    is_open = framed(reach)
     distinct, index = np.unique((rows + 1) * (terrain.width + 2) + cols + 1, return_inverse=True)
-    between = np.empty((len(distinct), len(distinct)), dtype=np.int32)
-    limit = math.ceil(100.0 * NEAR * range_m / terrain.point)
-    while lengths_between(is_open, distinct, limit, between) and limit <= longest:
-        limit *= 2
+    between = lengths_among(framed(reach), distinct, math.ceil(100.0 * NEAR * range_m / terrain.point))
     lengths = between[np.ix_(index, index)]
     return np.where(lengths == FAR, np.inf, lengths * (0.01 * terrain.point))

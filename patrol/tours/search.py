@@ -3,7 +3,6 @@
 Robots that follow such a tour of length L at equal distances see each point at least once in L / (N v), so that time
 bounds the MFoW that a fleet of N robots of speed v needs. The tour is the best that was found, not the shortest:
 greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the same for the same ground.
-
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import framed
+from patrol.ground.ways import framed, lengths_among
 from patrol.kernels.tour import shorten
-from patrol.kernels.ways import FAR, lengths_between, way_between
+from patrol.kernels.ways import FAR, way_between
 from patrol.tours.cover import Looks, Views, candidate_spacing, complete, cover_roughly
-from patrol.tours.round import Tour
+from patrol.tours.round import Flat, Tour
 
 MOST_POINTS = 20_000_000
 """Points of the largest terrain with a tour: the search needs about 30 bytes for each."""
@@ -48,10 +47,6 @@ NEIGHBOURS = 4
 
 PASSES = 8
 """Largest number of times that all places are tried in a row."""
-
-
-Flat = NDArray[np.int64]
-"""Flat indices of points."""
 
 
 def find_tour(
@@ -150,13 +145,7 @@ class _Ways:
         if len(places) < 4:
             return places
         flat = np.array([self._flat_index(cell) for cell in places], dtype=np.int64)
-        lengths = np.empty((len(places), len(places)), dtype=np.int32)
-        # Short searches suffice for most pairs of places.
-        limit = round(100.0 * self._near)
-        while lengths_between(self._framed, flat, limit, lengths):
-            if limit > 141 * self._framed.size:
-                raise ValueError("the places of a tour are not connected")
-            limit *= 2
+        lengths = lengths_among(self._framed, flat, round(100.0 * self._near))
         tour = _nearest_neighbours(lengths)
         shorten(lengths, tour)
         return [places[index] for index in tour]

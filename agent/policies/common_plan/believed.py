@@ -19,7 +19,7 @@ import numpy as np
 
 from agent.policies.common_plan.drawing import SPELL, Drawing, Parts
 from agent.policies.common_plan.stations import StationAges
-from agent.policies.pursuit import Target
+from agent.policies.pursuit import Target, age_of
 from patrol.radio.peers import columns_of
 
 if TYPE_CHECKING:
@@ -51,14 +51,6 @@ class FleetParts:
 NO_PARTS = FleetParts()
 
 
-@dataclass(slots=True)
-class WorkedOut:
-    """The parts that the robots of one process have worked out in a tick, by all that they follow from."""
-
-    tick: int = -1
-    parts: dict[tuple[object, ...], FleetParts] = field(default_factory=dict)
-
-
 class RoundStands:
     """The stands of one robot for the points of a round.
 
@@ -68,9 +60,7 @@ class RoundStands:
 
     def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
         """Find the point itself, or its post, for each point of the round."""
-        points = laid_out.points
-        fields = setup.ground.fields
-        own_stands = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
+        own_stands = setup.ground.fields.stands_for(laid_out.points)
         self._round = laid_out
         self._own = np.where(own_stands >= 0, own_stands, laid_out.stands)
         self._width = setup.ground.terrain.width
@@ -100,7 +90,8 @@ class Believed:
         self._setup, self._free = setup, free
         self._stands = RoundStands(setup, laid_out)
         self._fleet = NO_PARTS
-        self._worked_out: WorkedOut = setup.ground.scratch.setdefault("parts of fleets", WorkedOut())
+        # What the robots of one process have worked out in a tick, by all that it follows from.
+        self._worked_out: dict[int, dict[tuple[object, ...], FleetParts]] = setup.ground.scratch.setdefault("parts", {})
         self._known: KnownStations | None = None
         self._ages: StationAges | None = None
         self._number, self._step = setup.robot.spec.number, setup.fleet.step
@@ -150,9 +141,8 @@ class Believed:
         oldest = int(ages.argmax())
         if ages[oldest] < 0.0:
             return None
-        point, stand = int(known.points[span][oldest]), int(stands[oldest])
-        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
-        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+        point = divmod(int(known.points[span][oldest]), self._width)
+        return Target(point, divmod(int(stands[oldest]), self._width), max(age_of(view, point), 1))
 
     def _ages_of(self, view: View, some: slice) -> Ages:
         assert self._ages is not None
@@ -167,9 +157,9 @@ class Believed:
         robots = tuple(sorted(places))
         spots = [places[number] for number in robots]
         question = view.fog.identity, id(group.known), self._fleet, *robots, *spots
-        if self._worked_out.tick != view.tick:
-            self._worked_out.tick, self._worked_out.parts = view.tick, {}
-        parts = self._worked_out.parts
+        if view.tick not in self._worked_out:
+            self._worked_out.clear()
+        parts = self._worked_out.setdefault(view.tick, {})
         if question not in parts:
             parts[question] = self._work_out(view, group.known, robots, np.array(spots))
         self._fleet = parts[question]
@@ -178,7 +168,11 @@ class Believed:
         self, view: View, known: KnownStations, robots: tuple[int, ...], places: NDArray[np.float64]
     ) -> FleetParts:
         """Return the parts after these ones, in which each robot that has seen its station goes to another."""
-        before, drawing = self._fleet, self._find_drawing(known, robots)
+        if robots not in known.drawings:
+            roster = self._setup.fleet.roster
+            known.drawings[robots] = Drawing(self._setup, known, [roster[number - 1] for number in robots])
+        drawing: Drawing = known.drawings[robots]
+        before = self._fleet
         period = int(view.tick * self._step / drawing.period_s)
         leads, assumed = drawing.leads_s(places), self._ages
         assert assumed is not None
@@ -204,13 +198,6 @@ class Believed:
             idle = [number for number in robots if not parts[number].route]
             drawing.draw(fleet.parts, sorted([*arrived, *turned, *idle]), arrived, view.tick, oldest(), leads, draw)
         return fleet
-
-    def _find_drawing(self, known: KnownStations, robots: tuple[int, ...]) -> Drawing:
-        if robots not in known.drawings:
-            roster = self._setup.fleet.roster
-            known.drawings[robots] = Drawing(self._setup, known, [roster[number - 1] for number in robots])
-        drawing: Drawing = known.drawings[robots]
-        return drawing
 
     def _is_done(self, view: View, fleet: FleetParts, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""

@@ -124,18 +124,10 @@ class Drawing:
     def leads_s(self, places: NDArray[np.float64]) -> Leads:
         """Return about how long each robot takes to each station; places are float64 (robots, 2), m."""
         known = self._known
-        around = [known.around[self._terrain.nearest_point(*place)] for place in places.tolist()]
-        ways = np.empty((len(places), len(known)))
-        guess_ways(
-            np.ascontiguousarray(places),
-            np.array(around, dtype=np.int64),
-            self._spots,
-            known.apart_m,
-            NO_WAY_M,
-            1.0,
-            ways,
-        )
-        return np.ascontiguousarray(ways * self._paces[:, None])
+        around = [int(known.around[self._terrain.nearest_point(*place)]) for place in places.tolist()]
+        ways_m = np.empty((len(places), len(known)))
+        guess_ways(np.ascontiguousarray(places), np.array(around), self._spots, known.apart_m, NO_WAY_M, ways_m)
+        return np.ascontiguousarray(ways_m * self._paces[:, None])
 
     def begin(self, tick: int, ages: Ages, leads: Leads, draw: Draw) -> Parts:
         """Make the first routes, and draw the first stations."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from agent.policies.commitment import Choice
-    from agent.policies.common_plan.stations import Group
+    from agent.policies.common_plan.stations import Group, KnownStations
     from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
     from agent.routes.routes import Element
@@ -100,7 +101,7 @@ class OnPlan:
             "plans", WeakValueDictionary()
         )
         self._turns_freely = spec.model == "holonomic"
-        self._plans: dict[tuple[object, ...], Followed] = {}  # the latest ones
+        self._follow = lru_cache(MOST_PLANS)(self._follow_anew)
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
         self.waits = False
@@ -112,7 +113,9 @@ class OnPlan:
 
     def note(self, view: View, pursuit: Pursuit, group: Group) -> bool:
         """Go on with the plan of a group; return True if the robot chooses freely."""
-        self._followed, was_free = self._find_plan(view, group), self._target is None
+        hour = round(HOUR_S / self._step)
+        robots = tuple(sorted(group.robots))
+        self._followed, was_free = self._follow(group.known, robots, view.tick // hour * hour), self._target is None
         self.waits = False
         self._target = self._go_on(self._followed, view, pursuit.given_up)
         target, before = self._target, pursuit.target
@@ -136,24 +139,13 @@ class OnPlan:
                 followed.at = min(followed.at + AHEAD, followed.until)
         return self._free.next(view, start, pursuit)
 
-    def _find_plan(self, view: View, group: Group) -> Followed:
-        known, robots = group.known, tuple(sorted(group.robots))
-        hour = round(HOUR_S / self._step)
-        origin = view.tick // hour * hour
-        question = (id(known), robots, origin)
-        followed = self._plans.pop(question, None)
-        if followed is None:
-            plan = self._made.get(question)
-            if plan is None:
-                roster = self._setup.fleet.roster
-                plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
-                self._made[question] = plan
-            missed = Missed(self._setup, plan, self._number)
-            followed = Followed(plan, Others(plan, self._number), missed, origin, view.tick)
-        self._plans[question] = followed
-        if len(self._plans) > MOST_PLANS:
-            del self._plans[next(iter(self._plans))]
-        return followed
+    def _follow_anew(self, known: KnownStations, robots: tuple[int, ...], origin: int) -> Followed:
+        plan = self._made.get((known, robots, origin))
+        if plan is None:
+            roster = self._setup.fleet.roster
+            plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
+            self._made[known, robots, origin] = plan
+        return Followed(plan, Others(plan, self._number), Missed(self._setup, plan, self._number), origin, origin)
 
     def _go_on(self, followed: Followed, view: View, given_up: GivenUp) -> Target | None:
         """Return where the robot goes by the plan; None if it has not caught up, or the robot is ahead of it."""

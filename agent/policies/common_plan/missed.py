@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.policies.pursuit import Target
+from agent.policies.pursuit import Target, age_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Missed:
         if not points.size:
             return None
         seen, patrolled = view.fog.last_seen.reshape(-1)[points], view.fog.patrolled.reshape(-1)[points]
-        stands = self._find_stands(points)
+        stands = self._fields.stands_for(points)
         # What another one of the plan has seen since is not missed, though its position may have been lost.
         planned = self._plan.last_seen.reshape(-1)[points]
         is_shown = (planned > self._last) & (planned <= view.tick) & self._plan.seen_by_others(self._number, points)
@@ -74,16 +74,8 @@ class Missed:
         if self._chosen is None:
             return None
         width = self._terrain.width
-        stand, age = (
-            int(self._find_stands(np.array([self._chosen]))[0]),
-            view.tick - max(int(view.fog.last_seen.flat[self._chosen]), 0),
-        )
-        return Target(divmod(self._chosen, width), divmod(stand, width), max(age, 1))
-
-    def _find_stands(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return from where points are seen, flat indices: from there, or from their posts where no body fits."""
-        proxies = self._fields.proxy.reshape(-1)[points]
-        return np.where(self._fields.reach.reshape(-1)[points], points, proxies)
+        point, (stand,) = divmod(self._chosen, width), self._fields.stands_for(np.array([self._chosen])).tolist()
+        return Target(point, divmod(stand, width), max(age_of(view, point), 1))
 
     def _find_nearest(self, view: View, points: NDArray[np.int64]) -> int:
         row, col = view.point_of((view.pose.x, view.pose.y))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -54,15 +54,8 @@ class KnownStations:
 
     def __init__(self, laid_out: Round, find_ways: FindWays, weights: NDArray[np.float64] | None = None) -> None:
         """Take those of a round; ``weights`` (height, width) are None where all points count alike."""
-        stations = laid_out.stations
-        self.points, self.stands, self.spots, self.begins = (
-            laid_out.points,
-            laid_out.stands,
-            stations.spots,
-            stations.begins,
-        )
-        self.around = stations.around
-        self.length_m = laid_out.length_m
+        self.points, self.stands, self.length_m = laid_out.points, laid_out.stands, laid_out.length_m
+        self.spots, self.begins, self.around = laid_out.spots, laid_out.begins, laid_out.around
         self.first = 0  # number in the round of the first point
         # Of each point; and by how much the weighted age of each station grows in a second, by its heaviest point.
         self.weights, self.rates = NO_WEIGHTS, np.ones(len(self))
@@ -73,7 +66,7 @@ class KnownStations:
             usual = np.sort(self.rates)[(len(self) - 1) // 2]
             self.weights, self.rates = self.weights / usual, self.rates / usual
         self.drawings: dict[tuple[int, ...], Any] = {}  # of some robots on them
-        self._find_ways, self._known_ways_m = find_ways, stations.apart_m
+        self._find_ways, self._known_ways_m = find_ways, laid_out.apart_m
 
     @cached_property
     def apart_m(self) -> NDArray[np.float64]:
@@ -160,7 +153,7 @@ class Groups:
         for spec, start in zip(roster, starts, strict=True):
             row, col = terrain.nearest_point(start.x, start.y)
             self._first_station[spec.number] = int(((rows - row) ** 2 + (cols - col) ** 2).argmin())
-        self._divided: dict[frozenset[int], list[Group]] = {}
+        self._divide = lru_cache(MOST_DIVISIONS)(self._divide_anew)
 
     def find(self, number: int, team: frozenset[int], living: frozenset[int]) -> Group:
         """Return the group of a robot that lives, with those of its robots that live.
@@ -173,22 +166,13 @@ class Groups:
         group = next(group for group in groups if number in group.robots)
         return Group(group.robots & living, group.known)
 
-    def _divide(self, robots: frozenset[int]) -> list[Group]:
-        groups = self._divided.pop(robots, None)
-        if groups is None:
-            fewest = math.ceil(len(robots) / MOST_TOGETHER), math.ceil(len(self.known) / STATIONS_TOGETHER)
-            count = min(max(fewest), len(robots))
-            if count == 1:
-                groups = [Group(robots, self.known)]
-            else:
-                groups = self._cut(sorted(robots, key=lambda number: (self._first_station[number], number)), count)
-        self._divided[robots] = groups
-        if len(self._divided) > MOST_DIVISIONS:
-            del self._divided[next(iter(self._divided))]
-        return groups
-
-    def _cut(self, numbers: list[int], count: int) -> list[Group]:
-        """Give some robots in a row stations in a row, as much weight as they have speed."""
+    def _divide_anew(self, robots: frozenset[int]) -> list[Group]:
+        """Give groups of robots that start in a row stations in a row, as much weight as they have speed."""
+        fewest = math.ceil(len(robots) / MOST_TOGETHER), math.ceil(len(self.known) / STATIONS_TOGETHER)
+        count = min(max(fewest), len(robots))
+        if count == 1:
+            return [Group(robots, self.known)]
+        numbers = sorted(robots, key=lambda number: (self._first_station[number], number))
         ends = [(index + 1) * len(numbers) // count for index in range(count)]
         passed = np.cumsum([self._speeds[number] for number in numbers])
         weighed = np.cumsum([0.0, *self.known.rates])

@@ -164,7 +164,7 @@ def test_any_fleet_comes_by_a_vault_more_often(more: dict[str, Any], policy: str
 def test_weights_that_are_no_longer_in_force_are_forgotten() -> None:
     """The vault weighs something else every 2 s."""
     gc.collect()
-    before = sum(isinstance(thing, KnownStations) for thing in gc.get_objects())
+    before = sum(type(thing) is KnownStations for thing in gc.get_objects())
     turns = [[2.0 * n, 2.0 + n] for n in range(1, 29)]
     given = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 58.0, "robots": ROBOTS}
     kept = []
@@ -172,7 +172,7 @@ def test_weights_that_are_no_longer_in_force_are_forgotten() -> None:
     def count(record: TickRecord) -> None:
         if record.k % 20 == 0:
             gc.collect()
-            kept.append(sum(isinstance(thing, KnownStations) for thing in gc.get_objects()) - before)
+            kept.append(sum(type(thing) is KnownStations for thing in gc.get_objects()) - before)
 
     zone = VAULT | {"weight": 2.0, "weights": turns}
     run_in_process(load_scenario({**given, "zones": [zone]}), keep=False, progress=count)

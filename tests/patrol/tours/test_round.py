@@ -83,20 +83,19 @@ def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
 def test_stations_are_short_stretches_that_share_out_all_points(seed: int) -> None:
     terrain = building(seed)
     laid_out, fields = round_in(terrain)
-    stations = laid_out.stations
-    assert (stations.begins[0], stations.begins[-1]) == (0, len(laid_out.points))
-    assert (np.diff(stations.begins) > 0).all()
+    assert (laid_out.begins[0], laid_out.begins[-1]) == (0, len(laid_out.points))
+    assert (np.diff(laid_out.begins) > 0).all()
     longest_m = STRETCH * RANGE_M
     heads = []
-    for number, (begin, end) in enumerate(pairwise(stations.begins.tolist())):
+    for number, (begin, end) in enumerate(pairwise(laid_out.begins.tolist())):
         stops = np.unique(laid_out.place_of[begin:end])
         along = laid_out.along[stops]
         assert along[-1] - along[0] <= longest_m
-        assert stations.spots[number] == laid_out.places[stops[len(stops) // 2]]
-        assert (stations.around.flat[laid_out.points[begin:end]] == number).all()
+        assert laid_out.spots[number] == laid_out.places[stops[len(stops) // 2]]
+        assert (laid_out.around.flat[laid_out.points[begin:end]] == number).all()
         heads.append(along[0])
     assert (np.diff(heads) > longest_m).all(), "no two could be one"
-    assert np.count_nonzero(stations.around >= 0) == np.count_nonzero(fields.patrolled)
+    assert np.count_nonzero(laid_out.around >= 0) == np.count_nonzero(fields.patrolled)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -104,17 +103,16 @@ def test_stations_are_as_far_apart_as_the_ways_between_them(seed: int) -> None:
     """Longer ways than four ranges are those through other stations."""
     terrain = building(seed)
     laid_out, fields = round_in(terrain)
-    stations = laid_out.stations
     apart_m = []
-    for spot in stations.spots.tolist():
+    for spot in laid_out.spots.tolist():
         lengths = lengths_along(fields.reach, [divmod(spot, terrain.width)], 2**30)[1:-1, 1:-1]
-        apart_m.append(lengths.reshape(-1)[stations.spots] * (terrain.point / 100.0))
+        apart_m.append(lengths.reshape(-1)[laid_out.spots] * (terrain.point / 100.0))
     exact_m = np.array(apart_m)
     through_m = np.where(exact_m <= 4.0 * RANGE_M, exact_m, np.inf)
     for by in range(len(through_m)):
         through_m = np.minimum(through_m, through_m[:, by : by + 1] + through_m[by])
-    np.testing.assert_allclose(stations.apart_m, through_m)
-    assert (stations.apart_m >= exact_m - 1e-9).all()
+    np.testing.assert_allclose(laid_out.apart_m, through_m)
+    assert (laid_out.apart_m >= exact_m - 1e-9).all()
 
 
 def test_places_are_at_most_a_fiftieth_of_the_range_apart_and_lengths_add_up(tmp_path: Path) -> None:
@@ -131,5 +129,5 @@ def test_places_are_at_most_a_fiftieth_of_the_range_apart_and_lengths_add_up(tmp
     assert np.array_equal(np.sort(laid_out.points), np.arange(3600))
     laid_out.save(tmp_path)
     again = Round.load(tmp_path)
-    for name in ("spots", "begins", "apart_m", "around"):
-        assert np.array_equal(getattr(again.stations, name), getattr(laid_out.stations, name))
+    for name in ARRAYS:
+        assert np.array_equal(getattr(again, name), getattr(laid_out, name))
