@@ -104,6 +104,7 @@ class OnPlan:
         self._follow = lru_cache(MOST_PLANS)(self._follow_anew)
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
+        self._tick = 0
         self.waits = False
 
     def forget(self) -> None:
@@ -115,6 +116,7 @@ class OnPlan:
         """Go on with the plan of a group; return True if the robot chooses freely."""
         hour = round(HOUR_S / self._step)
         robots = tuple(sorted(group.robots))
+        self._tick = view.tick
         self._followed, was_free = self._follow(group.known, robots, view.tick // hour * hour), self._target is None
         self.waits = False
         self._target = self._go_on(self._followed, view, pursuit.given_up)
@@ -145,7 +147,7 @@ class OnPlan:
             roster = self._setup.fleet.roster
             plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
             self._made[known, robots, origin] = plan
-        return Followed(plan, Others(plan, self._number), Missed(self._setup, plan, self._number), origin, origin)
+        return Followed(plan, Others(plan, self._number), Missed(self._setup, plan, self._number), origin, self._tick)
 
     def _go_on(self, followed: Followed, view: View, given_up: GivenUp) -> Target | None:
         """Return where the robot goes by the plan; None if it has not caught up, or the robot is ahead of it."""
