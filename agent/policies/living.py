@@ -2,7 +2,8 @@
 
 Where one position in ten arrives, a robot is silent for a minute now and then, and lives. So a robot counts as dead
 once its silence is much longer than those that others have ended by being heard again: silences at random would be so
-long once in a million times (`DOUBT`). Where nothing is lost, that is soon.
+long once in a hundred thousand times (`DOUBT`). Where nothing is lost, that is soon. A robot that was taken for dead
+lives again once it is heard.
 
 - While none is heard, the radio is gone and not the robots: all count on that did. Of two robots, each cannot tell, and
   takes the other one for dead.
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.view import View
 
-DOUBT = 1e-6
+DOUBT = 1e-5
 """Chance of a silence at random from which on a robot counts as dead."""
 
 SILENCES_S = 600.0
@@ -35,7 +36,7 @@ PRIOR, PRIOR_S = 4.0, (20.0, 45.0)
 """A robot begins as if it had met so many silences of so many seconds of robots nearby, and of robots far away, since
 it does not know the radio yet."""
 
-AGAIN, LEAST_S = 3.0, 15.0
+AGAIN, LEAST_S = 1.5, 15.0
 """A robot counts for at least so many times the longest silence of the last time that `SILENCES_S` says, and so many
 seconds. Where walls shadow, silences are longer than at random."""
 
@@ -83,22 +84,20 @@ class Living:
         self._squared = PRIOR * (np.array(PRIOR_S) / self._step) ** 2
         self._longest_silence = np.ones(2)  # of the recent ones, ticks; less each tick
         self._missed = self._expected = self._delay = 0.0  # of positions lately: lost ones, all, and ticks under way
-        self._hears_well = True
+        self.hears_well = True  # nearly all positions of robots that live arrive, and at once
         self._works_since = np.zeros(count, dtype=np.int64)  # tick since which the radio works for each that counts
         self._longest = np.full(2, np.inf)  # silence after which a robot counts as dead, ticks
         self._strides = np.zeros(count)
         self._strides[[spec.number for spec in roster]] = [spec.speed * self._step for spec in roster]
         self._tick = -1
-        self._counts = self._members
-        self._living = frozenset({self._number})
-
-    @property
-    def hears_well(self) -> bool:
-        """True while nearly all positions of robots that live arrive, and at once."""
-        return self._hears_well
+        self._counts = self._members.copy()
+        self._living = frozenset({self._number, *np.flatnonzero(self._counts).tolist()})
 
     def note(self, view: View) -> frozenset[int]:
-        """Take note of who is heard at a tick, once; return the numbers of the robots that live, this one's too."""
+        """Take note of who is heard at a tick, once; return the numbers of the robots that live, this one's too.
+
+        While they are the same, so is the object.
+        """
         if view.tick != self._tick:
             # While it was at a dock it did not listen.
             away = view.tick - self._tick - 1
@@ -107,8 +106,9 @@ class Living:
             self._heard[[number for number in view.charging if self._heard[number] >= 0]] = view.tick - 1
             self._tick = view.tick
             self._hear(view)
-            self._counts = self._count_living(view)
-            self._living = frozenset({self._number, *np.flatnonzero(self._counts).tolist()})
+            before, self._counts = self._counts, self._count_living(view)
+            if not np.array_equal(before, self._counts):
+                self._living = frozenset({self._number, *np.flatnonzero(self._counts).tolist()})
             self._judge_radio()
         return self._living
 
@@ -140,10 +140,10 @@ class Living:
 
     def _judge_radio(self) -> None:
         if self._counts.any() and (self._tick - int(self._heard[self._counts].max())) * self._step > QUIET_S:
-            self._hears_well = False
+            self.hears_well = False
         elif self._expected > 0.0:
             share = (self._missed + self._delay) / self._expected
-            self._hears_well = share <= (LOSSY if self._hears_well else 0.5 * LOSSY)
+            self.hears_well = share <= (LOSSY if self.hears_well else 0.5 * LOSSY)
 
     def _count_living(self, view: View) -> NDArray[np.bool_]:
         # Of silences at random, the mean of the squares is twice the square of the mean.
@@ -156,7 +156,7 @@ class Living:
         unheard = np.maximum(UNHEARD_S / self._step, longest[1])
         self._longest = longest
         living = self._members & (silent <= np.where(self._heard < 0, unheard, longest[self._is_far]))
-        living[list(view.peers)] = True
+        living[columns_of(view.peers).numbers] = True
         living &= (self._heard - self._stood) * self._step <= STUCK_S
         living[list(view.charging)] = False
         return np.asarray(living, dtype=np.bool_)

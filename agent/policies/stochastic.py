@@ -38,6 +38,7 @@ from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from agent.policies.commitment import Choice
+    from agent.policies.common_plan.stations import Group
     from agent.policies.pursuit import Pursuit
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
@@ -87,6 +88,8 @@ class Drawn:
         self._is_crowded = team > 1 and (ranges < shortest or (len(known) < fewest * team and ranges < LONG))
         self._believed, self._on_plan = Believed(setup, laid_out, free), OnPlan(setup, free)
         self._choice: Believed | OnPlan | None = None  # None for free choices
+        self._lived: frozenset[int] | None = None
+        self._group: Group | None = None  # of those; None for crowded robots
 
     def forget(self) -> None:
         """Begin anew."""
@@ -99,8 +102,10 @@ class Drawn:
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Take note of a tick; return True if the robot chooses freely."""
-        living = self._living.note(view) & self._robots
-        group = None if self._is_crowded else self._groups.find(self._number, self._team, living)
+        living = self._living.note(view)
+        if living is not self._lived and not self._is_crowded:
+            self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
+        group = self._group
         choice = self._believed if self._living.hears_well else self._on_plan
         if group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None

@@ -35,7 +35,7 @@ def lengths_among(is_open: NDArray[np.uint8], places: NDArray[np.int64], limit: 
     apart = places.size**2 - int((of_part**2).sum())  # pairs in different parts
     lengths = np.empty((places.size, places.size), dtype=np.int32)
     limit = min(limit, FAR // 2)
-    while lengths_between(is_open, places, limit, lengths) > apart:
+    while lengths_between(is_open, places, limit, lengths) > apart and limit < FAR // 2:
         limit = min(2 * limit, FAR // 2)
     return lengths
 

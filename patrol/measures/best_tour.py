@@ -25,6 +25,7 @@ from patrol.ground.cspace import parts_of
 from patrol.ground.fields import StaticFields, anchor
 from patrol.ground.terrain import BoolGrid, frozen_grid
 from patrol.kernel_cache import user_cache
+from patrol.latest import latest
 from patrol.prepare import sensor_footprint
 from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.tours.round import Round, Tour, lay_out
@@ -208,20 +209,20 @@ class TourFinder:
         None where the part is too large for a tour.
         """
         digest = self._digest(own, ground)
-        if digest not in _known:
+
+        def find() -> Tour | None:
             file = _tour_file(f"{digest}.json")
             try:
-                tour: Tour | None = _read_tour(file, self.terrain, own)
+                return _read_tour(file, self.terrain, own)
             except (OSError, ValueError, LookupError, TypeError):
                 from patrol.tours.search import find_tour  # here: most processes need no tour
 
                 tour = find_tour(self.terrain, own.reach, ground, own.proxy, self._footprint)
                 if tour is not None:
                     _keep_tour(file, tour)
-            if len(_known) >= MOST_KNOWN:
-                del _known[next(iter(_known))]
-            _known[digest] = tour
-        return _known[digest]
+                return tour
+
+        return latest(_known, digest, find, MOST_KNOWN)
 
     def find_round(self, own: OwnGround) -> Round | None:
         """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour."""

@@ -151,8 +151,9 @@ class Believed:
     def _go_on(self, view: View, group: Group) -> None:
         # A peer as an object takes longer than all that is asked of it here.
         peers = columns_of(view.peers)
-        rows = zip(peers.numbers.tolist(), peers.places.tolist(), strict=True)
-        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in rows if number in group.robots}
+        rows = np.isin(peers.numbers, list(group.robots))
+        others = zip(peers.numbers[rows].tolist(), peers.places[rows].tolist(), strict=True)
+        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in others}
         places[self._number] = view.reported.x, view.reported.y
         robots = tuple(sorted(places))
         spots = [places[number] for number in robots]

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
@@ -27,6 +26,7 @@ from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.common_plan.tracking import keep_to
 from agent.policies.pursuit import TRIES, Leg, Target
 from agent.routes.routes import Way
+from patrol.latest import latest
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from agent.policies.commitment import Choice
-    from agent.policies.common_plan.stations import Group, KnownStations
+    from agent.policies.common_plan.stations import Group
     from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
     from agent.routes.routes import Element
@@ -81,7 +81,6 @@ class Followed:
 
     plan: CommonPlan
     others: Others
-    missed: Missed
     until: int  # the tick up to which this robot has worked it out, whatever others have
     at: int  # the plan's tick at which the robot is, or from which on it may go on
     done: int = 0  # the last tick of the plan at which the robot was, or which it has noted as missed
@@ -100,11 +99,11 @@ class OnPlan:
         self._made: WeakValueDictionary[tuple[object, ...], CommonPlan] = setup.ground.scratch.setdefault(
             "plans", WeakValueDictionary()
         )
+        self._missed = Missed(setup)
         self._turns_freely = spec.model == "holonomic"
-        self._follow = lru_cache(MOST_PLANS)(self._follow_anew)
+        self._plans: dict[tuple[object, ...], Followed] = {}  # the latest ones
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
-        self._tick = 0
         self.waits = False
 
     def forget(self) -> None:
@@ -114,10 +113,7 @@ class OnPlan:
 
     def note(self, view: View, pursuit: Pursuit, group: Group) -> bool:
         """Go on with the plan of a group; return True if the robot chooses freely."""
-        hour = round(HOUR_S / self._step)
-        robots = tuple(sorted(group.robots))
-        self._tick = view.tick
-        self._followed, was_free = self._follow(group.known, robots, view.tick // hour * hour), self._target is None
+        self._followed, was_free = self._find_plan(view, group), self._target is None
         self.waits = False
         self._target = self._go_on(self._followed, view, pursuit.given_up)
         target, before = self._target, pursuit.target
@@ -141,17 +137,24 @@ class OnPlan:
                 followed.at = min(followed.at + AHEAD, followed.until)
         return self._free.next(view, start, pursuit)
 
-    def _follow_anew(self, known: KnownStations, robots: tuple[int, ...], origin: int) -> Followed:
-        plan = self._made.get((known, robots, origin))
-        if plan is None:
-            roster = self._setup.fleet.roster
-            plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
-            self._made[known, robots, origin] = plan
-        return Followed(plan, Others(plan, self._number), Missed(self._setup, plan, self._number), origin, self._tick)
+    def _find_plan(self, view: View, group: Group) -> Followed:
+        known, robots, hour = group.known, tuple(sorted(group.robots)), round(HOUR_S / self._step)
+        origin = view.tick // hour * hour
+
+        def begin() -> Followed:
+            plan = self._made.get((known, robots, origin))
+            if plan is None:
+                roster = self._setup.fleet.roster
+                plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
+                self._made[known, robots, origin] = plan
+            return Followed(plan, Others(plan, self._number), origin, view.tick)
+
+        return latest(self._plans, (known, robots, origin), begin, MOST_PLANS)
 
     def _go_on(self, followed: Followed, view: View, given_up: GivenUp) -> Target | None:
         """Return where the robot goes by the plan; None if it has not caught up, or the robot is ahead of it."""
-        plan, missed, tick = followed.plan, followed.missed, view.tick
+        plan, missed, tick = followed.plan, self._missed, view.tick
+        missed.take_up(plan, tick)
         interval = round(plan.interval_s / self._step)
         followed.until = min(followed.until + CATCH_UP, tick + interval)
         plan.advance_to(followed.until)

@@ -22,23 +22,30 @@ within the next one. One that was missed twice, as where something stands in the
 
 
 class Missed:
-    """The points that one robot has missed of one plan."""
+    """The points that one robot has missed of its plans."""
 
-    def __init__(self, setup: PolicySetup, plan: CommonPlan, number: int) -> None:
+    def __init__(self, setup: PolicySetup) -> None:
         """Begin with none."""
         self._fields, self._terrain = setup.ground.fields, setup.ground.terrain
-        self._plan, self._number = plan, number
+        self._number = setup.robot.spec.number
+        self._plan: CommonPlan | None = None
         # Flat indices; when they should have been seen first and last; and whether they were missed twice.
         self._points, self._due, self._last = np.empty((3, 0), dtype=np.int64)
         self._again = np.empty(0, dtype=np.bool_)
-        self._interval = plan.interval_s / plan.step  # in ticks
         self._chosen: int | None = None
+
+    def take_up(self, plan: CommonPlan, tick: int) -> None:
+        """Take part in a plan from now on; what another plan has shown before counts no longer."""
+        if plan is not self._plan:
+            self._plan, self._interval = plan, plan.interval_s / plan.step  # in ticks
+            self._last[:] = tick
 
     def skip(self, first: int, until: int, view: View) -> None:
         """Note what is seen in the plan at some ticks in a row that the robot has left out."""
-        last_seen = view.fog.last_seen.reshape(-1)
-        for tick in range(max(first, self._plan.since), until):
-            seen = self._plan.seen_by(self._number, tick)
+        plan, last_seen = self._plan, view.fog.last_seen.reshape(-1)
+        assert plan is not None
+        for tick in range(max(first, plan.since), until):
+            seen = plan.seen_by(self._number, tick)
             unseen = seen[last_seen[seen] < tick]
             if not unseen.size:
                 continue
@@ -53,14 +60,14 @@ class Missed:
 
     def find(self, view: View, given_up: GivenUp) -> Target | None:
         """Return the point to go to now, the same until it has been seen; None where nothing is overdue."""
-        points, due = self._points, self._due
-        if not points.size:
+        plan, points, due = self._plan, self._points, self._due
+        if plan is None or not points.size:
             return None
         seen, patrolled = view.fog.last_seen.reshape(-1)[points], view.fog.patrolled.reshape(-1)[points]
         stands = self._fields.stands_for(points)
         # What another one of the plan has seen since is not missed, though its position may have been lost.
-        planned = self._plan.last_seen.reshape(-1)[points]
-        is_shown = (planned > self._last) & (planned <= view.tick) & self._plan.seen_by_others(self._number, points)
+        planned = plan.last_seen.reshape(-1)[points]
+        is_shown = (planned > self._last) & (planned <= view.tick) & plan.seen_by_others(self._number, points)
         is_left = (seen < due) & patrolled & (stands >= 0) & ~is_shown
         if given_up.now(view.tick).size:
             is_left &= ~given_up.covers(view.tick, stands, self._terrain.width)

@@ -26,7 +26,7 @@ from patrol.zones.spec import zones_in_force
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from agent.policies.common_plan.drawing import Part
+    from agent.policies.common_plan.drawing import Leads, Part
     from agent.policies.common_plan.stations import Ages, KnownStations
     from agent.ports import PolicySetup
     from patrol.ground.footprint import View as Seen
@@ -58,6 +58,7 @@ class CommonPlan:
         self._counted = np.zeros(prepared.terrain.shape, dtype=np.bool_)
         self._counted.flat[known.points] = True
         self._fog, self._ages = Fog(self._counted), StationAges(known, self.step)
+        self.last_seen = self._fog.last_seen  # in the plan, ticks; below 0 for never
         self._seen_last_by = np.full(self._counted.size, -1, dtype=np.int16)  # row of a robot
         self.robots = robots
         self.rows = {spec.number: row for row, spec in enumerate(robots)}
@@ -79,20 +80,13 @@ class CommonPlan:
         """Return which points a robot other than that one has seen last, by flat indices."""
         return np.asarray(self._seen_last_by[points] != self.rows[number])
 
-    @property
-    def last_seen(self) -> NDArray[np.int32]:
-        """The tick at which each point was seen last in the plan, int32 (height, width); below 0 for never."""
-        return self._fog.last_seen
-
     def poses(self, number: int, first: int, until: int) -> NDArray[np.float64]:
         """Return a robot's poses at some ticks in a row, float64 (n, 3), x and y in m, and the heading in rad."""
-        poses: NDArray[np.float64] = self._poses[np.arange(first, until) % len(self._poses), self.rows[number]]
-        return poses
+        return np.asarray(self._poses[np.arange(first, until) % len(self._poses), self.rows[number]])
 
     def places(self, tick: int) -> NDArray[np.float64]:
         """Return the places of all robots at a tick, float64 (robots, 2), m."""
-        places: NDArray[np.float64] = self._poses[tick % len(self._poses), :, :2]
-        return places
+        return np.asarray(self._poses[tick % len(self._poses), :, :2])
 
     def seen_by(self, number: int, tick: int) -> NDArray[np.int64]:
         """Return the points of the round that a robot sees at a tick, flat indices."""
@@ -138,17 +132,15 @@ class CommonPlan:
         if arrived:
             numbers = [robot.spec.number for robot in arrived]
             idle = [number for number, part in self._parts.each.items() if not part.route]
-            leads = self._drawing.leads_s(self.places(self.tick))
             drawing = sorted([*numbers, *idle])
-            self._drawing.draw(self._parts, drawing, numbers, self.tick, self._oldest_s(), leads, self._draw)
+            self._drawing.draw(self._parts, drawing, numbers, self.tick, self._oldest_s(), self._leads_s(), self._draw)
             for robot in self._robots:
                 if robot.spec.number in drawing:
                     self._send(robot)
 
     def _begin(self) -> None:
         """Draw the stations of all robots anew."""
-        leads = self._drawing.leads_s(self.places(self.tick))
-        self._parts = self._drawing.begin(self.tick, self._oldest_s(), leads, self._draw)
+        self._parts = self._drawing.begin(self.tick, self._oldest_s(), self._leads_s(), self._draw)
         for robot in self._robots:
             self._send(robot)
 
@@ -204,6 +196,9 @@ class CommonPlan:
         if is_there:
             robot.stand = int(known.stands[part.oldest])
         return False
+
+    def _leads_s(self) -> Leads:
+        return self._drawing.leads_s(self.places(self.tick))
 
     def _ages_s(self, some: slice) -> Ages:
         return self._ages.of_points(some, self.tick, self._counted, self.last_seen)

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.plan import oldest_ages, weighted_ages
+from patrol.latest import latest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,7 +155,9 @@ class Groups:
         for spec, start in zip(roster, starts, strict=True):
             row, col = terrain.nearest_point(start.x, start.y)
             self._first_station[spec.number] = int(((rows - row) ** 2 + (cols - col) ** 2).argmin())
-        self._divide = lru_cache(MOST_DIVISIONS)(self._divide_anew)
+        self._divided: dict[frozenset[int], list[Group]] = {}
+        # A robot whose group is found anew goes on with the same stretch, whatever the others of its process ask for.
+        self._stretches: WeakValueDictionary[tuple[int, int], KnownStations] = WeakValueDictionary()
 
     def find(self, number: int, team: frozenset[int], living: frozenset[int]) -> Group:
         """Return the group of a robot that lives, with those of its robots that live.
@@ -165,6 +169,9 @@ class Groups:
             groups = self._divide(living)
         group = next(group for group in groups if number in group.robots)
         return Group(group.robots & living, group.known)
+
+    def _divide(self, robots: frozenset[int]) -> list[Group]:
+        return latest(self._divided, robots, lambda: self._divide_anew(robots), MOST_DIVISIONS)
 
     def _divide_anew(self, robots: frozenset[int]) -> list[Group]:
         """Give groups of robots that start in a row stations in a row, as much weight as they have speed."""
@@ -178,8 +185,8 @@ class Groups:
         weighed = np.cumsum([0.0, *self.known.rates])
         shares = [weighed[-1] * passed[end - 1] / passed[-1] for end in ends]
         untils = [round(float(np.interp(share, weighed, np.arange(weighed.size)))) for share in shares]
-        begins, firsts = [0, *ends[:-1]], [0, *untils[:-1]]
-        return [
-            Group(frozenset(numbers[begin:end]), self.known.stretch(first, until))
-            for begin, end, first, until in zip(begins, ends, firsts, untils, strict=True)
-        ]
+        groups = []
+        for begin, end, first, until in zip([0, *ends], ends, [0, *untils], untils, strict=False):
+            known = self._stretches.setdefault((first, until), self.known.stretch(first, until))
+            groups.append(Group(frozenset(numbers[begin:end]), known))
+        return groups

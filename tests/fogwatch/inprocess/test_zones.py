@@ -71,7 +71,7 @@ def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age
 )
 def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tuple[dict[str, Any], ...]) -> None:
     """A robot that hears nobody would come back to a vault of weight 10 for most of the time."""
-    outcome = ran(VAULT | {"weight": 3}, STAIRS, faults=faults)
+    outcome = ran(VAULT | {"weight": 3}, STAIRS, faults=faults, duration=300.0)
     assert outcome.verdict.valid
     (kept,) = (check for check in outcome.verdict.checks if check.name == "keep-outs")
     assert kept.judged

@@ -20,13 +20,15 @@ from tests.agent.plans import Robots, Says, plan, prepared_in
 from tests.agent.policies.test_stochastic import STARTS, drawn_of, patrol, plans_of
 from tests.present import present
 
+HEARS_BADLY = property(lambda _: False, lambda _, value: None)
+
 FOUR = [*STARTS, Pose(2.0, 18.0, 0.0), Pose(20.0, 14.0, 0.0)]
 
 
 @pytest.fixture(autouse=True)
 def _follow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let robots follow the plan from the start, however well they hear."""
-    monkeypatch.setattr(Living, "hears_well", False)
+    monkeypatch.setattr(Living, "hears_well", HEARS_BADLY, raising=False)
 
 
 def losing(share: float, *arguments: Any, **settings: Any) -> Robots:
@@ -119,7 +121,7 @@ def test_one_that_takes_another_for_dead_for_a_while_goes_on_where_it_was(monkey
     robots.tick()
     assert list(followed(robots).plan.rows) == [1]
     monkeypatch.undo()
-    monkeypatch.setattr(Living, "hears_well", False)
+    monkeypatch.setattr(Living, "hears_well", HEARS_BADLY, raising=False)
     robots.tick()
     assert followed(robots) is before
     robots.until(lambda: followed(robots).is_on, 5)
@@ -159,7 +161,7 @@ def test_where_no_way_leads_on_choices_are_free_until_one_does(monkeypatch: pyte
     for _ in range(200):
         robots.tick()
     monkeypatch.undo()
-    monkeypatch.setattr(Living, "hears_well", False)
+    monkeypatch.setattr(Living, "hears_well", HEARS_BADLY, raising=False)
     robots.until(lambda: followed(robots).is_on, 300)
 
 

@@ -1,5 +1,6 @@
 """Points that a robot has missed of its part of the plan: it goes there in time."""
 
+from copy import copy
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,8 +29,11 @@ class Scene:
         self.others: set[int] = set()  # points that another planned robot has seen last
         common.seen_by_others = lambda _number, points: np.isin(points, sorted(self.others))
         common.seen_by = lambda _number, tick: np.array(self.shown.get(tick, []), dtype=np.int64)
-        setup: Any = SimpleNamespace(ground=SimpleNamespace(fields=fields, terrain=self.terrain))
-        self.missed, self.given_up = Missed(setup, common, 1), GivenUp(0.3, self.terrain.point, 0.5)
+        robot = SimpleNamespace(spec=SimpleNamespace(number=1))
+        setup: Any = SimpleNamespace(ground=SimpleNamespace(fields=fields, terrain=self.terrain), robot=robot)
+        self.missed, self.given_up = Missed(setup), GivenUp(0.3, self.terrain.point, 0.5)
+        self.common = common
+        self.missed.take_up(common, 0)
 
     def point(self, x: float, y: float) -> int:
         row, col = self.terrain.point_at(x, y)
@@ -109,6 +113,19 @@ def test_what_another_one_of_the_plan_has_seen_since_is_not_missed(scene: Scene)
     assert scene.goes_to(10 + round(OVERDUE * INTERVAL) + 1) == own
     scene.last_seen.flat[own] = 300
     assert scene.goes_to(1000) is None
+
+
+def test_what_was_missed_of_another_plan_is_still_missed(scene: Scene) -> None:
+    """Such as that of the fleet before a death. What the new plan has shown before it was taken up does not count."""
+    point, shown = scene.point(1.0, 1.0), scene.point(6.0, 5.0)
+    scene.skip(10, point, shown)
+    scene.others = {point, shown}
+    scene.planned.flat[[point, shown]] = 50, 70
+    scene.missed.take_up(copy(scene.common), 60)
+    overdue = 10 + round(OVERDUE * INTERVAL) + 1
+    assert scene.goes_to(overdue) == point
+    scene.last_seen.flat[point] = overdue
+    assert scene.goes_to(overdue + 1) is None
 
 
 def test_what_is_missed_again_is_gone_to_at_once(scene: Scene) -> None:
