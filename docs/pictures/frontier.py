@@ -7,20 +7,20 @@ and chooses when to begin. It gains on one that begins at any time. Of the laws 
 where the robots are, and real robots waste some visits.
 
 The measured points are those of that page's table of `unpredictability`. An attack takes as much of the mean interval
-as the blind intruder of `docs/results/policies.csv` is seen.
+as the blind intruder of `docs/results/policies.md` is seen.
 
     python docs/pictures/frontier.py
 """
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
+from numba import njit
 from numpy.typing import NDArray
 
 HERE = Path(__file__).parent
@@ -33,88 +33,110 @@ LONGEST = 3 * STEPS
 PLACES = 100
 RATIOS = (1.15, 1.2, 1.25, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0)
 """Greatest MFoW of each law that is searched for, mean intervals."""
-ROUNDS = 250
-"""Steps down the slope of the cost, for each law."""
+WIDTHS = (3.0, 6.0, 12.0)
+"""Standard deviations of the laws that searches begin with, steps."""
+ROUNDS = 1_000
+"""Steps down the slope of the cost, in each search."""
 
 Law = NDArray[np.float64]
 """Probability of each interval, from one step on."""
 
 
-def judge(law: Law, attack: float) -> tuple[float, float]:
-    """Return the MFoW of a law in mean intervals, and what an intruder gains that knows the age of its place."""
-    size = len(law)
-    steps = np.arange(1, size + 1)
-    mean = float(law @ steps)
+@njit(nogil=True)
+def judge(logs: Law, attack: float) -> tuple[float, float, float]:
+    """Judge the law with some logarithms of probabilities, but for a constant.
+
+    Returns:
+        Its mean in steps, its MFoW in mean intervals, and what an intruder gains that knows the age of its place.
+    """
+    size = len(logs)
+    law = np.array([math.exp(log) for log in logs])
+    law /= law.sum()
+    mean = 0.0
+    for step in range(size):
+        mean += law[step] * (step + 1)
     needs = max(1, round(attack * mean))
-    # Probability that an interval is longer than so many steps.
-    longer = np.append(np.cumsum(law[::-1])[::-1], np.zeros(size + needs + 1))
-    of_age = longer[:size] / mean
-    # Probability of a visit so many steps after one.
-    again = np.zeros(size + 1)
+    # Probabilities that an interval is longer than so many steps, and of a visit so many steps after one.
+    longer, again = np.zeros(2 * size + needs + 2), np.zeros(size + 1)
+    for step in range(size - 1, -1, -1):
+        longer[step] = longer[step + 1] + law[step]
     again[0] = 1.0
     for step in range(1, size + 1):
-        again[step] = law[:step] @ again[step - 1 :: -1][:step]
-    begin, end = np.arange(size + 1 - needs), np.arange(1, size + 1)
-    first = np.append(law, np.zeros(size))[np.arange(size)[:, None] + end - 1]  # after an age; times `longer`
-    visits = first @ np.where(end >= end[:, None], again[np.maximum(end - end[:, None], 0)], 0.0)
-    since = begin + needs - end[:, None]
-    unseen = longer[np.arange(size)[:, None] + begin + needs]
-    unseen = unseen + visits @ np.where(end[:, None] <= begin, longer[np.maximum(since, 0)], 0.0)
-    gain = float(unseen.max(axis=1).sum() - unseen[:, 0].sum()) / mean
-    # An age is counted as that at the end of its step.
-    oldest = (1.0 + float((1.0 - np.minimum(np.cumsum(of_age), 1.0) ** PLACES).sum())) / mean
-    return oldest, gain
+        for first in range(step):
+            again[step] += law[first] * again[step - 1 - first]
+    informed, blind, oldest, younger = 0.0, 0.0, 1.0, 0.0
+    visits = np.zeros(size + 1)
+    for age in range(size):
+        for step in range(1, size + 1):
+            visits[step] = 0.0
+            for first in range(1, min(step, size - age) + 1):
+                visits[step] += law[age + first - 1] * again[step - first]
+        best = 0.0
+        for begin in range(size + 1 - needs):
+            unseen = longer[age + begin + needs]
+            for step in range(1, begin + 1):
+                unseen += visits[step] * longer[begin + needs - step]
+            best = max(best, unseen)
+        informed += best / mean
+        blind += longer[age + needs] / mean
+        younger += longer[age] / mean
+        # An age is counted as that at the end of its step.
+        oldest += 1.0 - min(younger, 1.0) ** PLACES
+    return mean, oldest / mean, informed - blind
 
 
 def frontier(attack: float) -> list[tuple[float, float]]:
     """Return MFoW and gain of the best laws found, the freshest first."""
-    narrow = -0.5 * ((np.arange(1, LONGEST + 1) - STEPS) / 3.0) ** 2
-    return [judge(law_of(search(narrow, attack, ratio)), attack) for ratio in RATIOS]
+    steps = np.arange(1, LONGEST + 1)
+    starts = [-0.5 * ((steps - STEPS) / width) ** 2 for width in WIDTHS]
+    found: list[tuple[float, float]] = []
+    for ratio in RATIOS:
+        logs = min((search(start, attack, ratio) for start in starts), key=lambda logs: cost_of(logs, attack, ratio))
+        starts = [*starts[: len(WIDTHS)], logs]  # and from the law before
+        found.append(judge(logs, attack)[1:])
+    return found
 
 
+@njit(nogil=True)
 def cost_of(logs: Law, attack: float, ratio: float) -> float:
     """Return the gain, and more for a law that is older than wanted, or too fine or too coarse for the steps."""
-    law = law_of(logs)
-    (oldest, gain), mean = judge(law, attack), float(law @ np.arange(1, len(law) + 1))
+    mean, oldest, gain = judge(logs, attack)
     too_old = max(oldest - ratio, 0.0)
     return gain + too_old + 20.0 * too_old**2 + 0.1 * max(abs(mean - STEPS) - 2.0, 0.0) ** 2
 
 
+@njit(nogil=True)
 def search(logs: Law, attack: float, ratio: float) -> Law:
     """Return the logarithms of a better law (Adam, by differences)."""
     cheapest, best = np.inf, logs
-    mean, square = np.zeros(len(logs)), np.zeros(len(logs))
+    mean, square, slope = np.zeros(len(logs)), np.zeros(len(logs)), np.zeros(len(logs))
     for step in range(1, ROUNDS + 1):
         here = cost_of(logs, attack, ratio)
         if here < cheapest:
-            cheapest, best = here, logs
-        nudged = logs + 1e-4 * np.eye(len(logs))
-        slope = (np.array([cost_of(row, attack, ratio) for row in nudged]) - here) / 1e-4
+            cheapest, best = here, logs.copy()
+        for at in range(len(logs)):
+            nudged = logs.copy()
+            nudged[at] += 1e-4
+            slope[at] = (cost_of(nudged, attack, ratio) - here) / 1e-4
         mean, square = 0.9 * mean + 0.1 * slope, 0.99 * square + 0.01 * slope**2
         stride = 0.3 * (1.0 - step / ROUNDS) + 0.01
         logs = logs - stride * mean / (1.0 - 0.9**step) / (np.sqrt(square / (1.0 - 0.99**step)) + 1e-9)
-        logs = np.clip(logs - logs.max(), -24.0, 0.0)
+        logs = np.minimum(np.maximum(logs - logs.max(), -24.0), 0.0)
     return best
-
-
-def law_of(logs: Law) -> Law:
-    """Return the law with some logarithms of probabilities, but for a constant."""
-    law = np.array([math.exp(log - logs.max()) for log in logs.tolist()])
-    return law / law.sum()
 
 
 def measured() -> dict[str, tuple[float, list[tuple[float, float]]]]:
     """Return of each ground how long an attack takes, and for each setting MFoW by the best tour's, and the gain."""
-    with (HERE.parent / "results/policies.csv").open(encoding="utf-8") as file:
-        blind = {
-            row["ground"]: float(row["blind_percent"]) for row in csv.DictReader(file) if row["policy"] == "stochastic"
-        }
+    policies = (HERE.parent / "results/policies.md").read_text(encoding="utf-8")
+    rows = re.search(r"\| policy \| mean \|(.*)\|\n.*\n\| \*`blind` against `stochastic`\* \| \d+ \|(.*)\|", policies)
+    assert rows is not None
+    shares = dict(zip(rows[1].replace(" ", "").split("|"), map(float, rows[2].split("|")), strict=True))
     page = (HERE.parent / "results/intruders.md").read_text(encoding="utf-8")
     of_ground = {}
     for ground in COLOURS:
         (row,) = re.findall(rf"^\| `{ground}` \| ([\d., |]+) \|$", page, re.MULTILINE)
-        points = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+), (\d+)", row)]
-        of_ground[ground] = 1.0 - 0.01 * blind[ground], points
+        points = [(float(ratio), float(gain)) for ratio, gain in re.findall(r"([\d.]+), (\d+)", row)]
+        of_ground[ground] = 1.0 - 0.01 * shares[ground], points
     return of_ground
 
 

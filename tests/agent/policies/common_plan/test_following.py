@@ -20,7 +20,7 @@ from tests.agent.plans import Robots, Says, plan, prepared_in
 from tests.agent.policies.test_stochastic import STARTS, drawn_of, patrol, plans_of
 from tests.present import present
 
-HEARS_BADLY = property(lambda _: False, lambda _, value: None)
+HEARS_BADLY = property(lambda _: False, lambda *_: None)
 
 FOUR = [*STARTS, Pose(2.0, 18.0, 0.0), Pose(20.0, 14.0, 0.0)]
 
