@@ -117,7 +117,7 @@ class Commitment:
         return place if target.leg is None else _along(place, target.leg)
 
     def _state_of(self, is_free: bool) -> State:
-        """Return the state to report for a robot that goes by a free choice, or by the shared round."""
+        """Return the state to report for a robot that goes by a free choice, or by a plan."""
         return State.FREE if is_free and self.follows_rounds else State.PATROLLING
 
     def _update_zones(self, view: View) -> None:
