@@ -18,6 +18,7 @@ from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import End, JournalWriter, TickRecord, read_journal
+from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
 from tests.worldsim.test_operator import Hour, Rests, Script
@@ -87,6 +88,7 @@ def run_of(
     loaded = load_scenario(scenario)
     (folder / "scenario.yaml").write_text(dump_scenario(loaded), encoding="utf-8")
     prepared = prepare(loaded)
+    allow_sensor(loaded.sensor)
     footprint = sensor_footprint(loaded, prepared.terrain)
     world = World(prepared, footprint=footprint, operated=controls is not None)
     make, minds = partial(build_mind, Shared(prepared, footprint)), dict[int, Mind]()
