@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
-from patrol.pose import Command, Pose
+from patrol.pose import Command, Pose, facing_of
 from patrol.radio.peers import Peer
 from runtime.messages.phases import MAX_STATE
 from runtime.process.deadline import Late
@@ -95,7 +95,7 @@ def _is_ready(intent: Intent) -> bool:
     if type(intent) is Place:
         spots = _is_spot(intent.bend) and _is_spot(intent.lean)
         numbers = (intent.x, intent.y) if intent.step is None else (intent.x, intent.y, *_numbers_of(intent.step))
-        return all(map(_is_float, numbers)) and spots and _is_turn(intent.wander)
+        return all(map(_is_float, numbers)) and spots and _is_turn(intent.wander) and _is_turn(intent.heading)
     return type(intent) is Stay
 
 
@@ -137,8 +137,8 @@ def _plain_value(value: Any) -> Any:
         # Read once: what is no tuple itself might hold other numbers when the body reads it.
         read = value if type(value) is tuple else tuple(value)
         return tuple(map(_plain_value, read)) if any(isinstance(item, np.generic) for item in read) else read
-    if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
-        return type(value)(*(_plain_value(number) for number in value.numbers))
+    if isinstance(value, Command) and any(isinstance(number, np.generic) for number in _numbers_of(value)):
+        return type(value)(*(_plain_value(number) for number in _numbers_of(value)))
     return value
 
 
@@ -149,7 +149,8 @@ def _intent_numbers(intent: Intent) -> list[tuple[str, object]]:
             alone = [] if wander is None else [("wander", wander)]
             return [*_name_values("bearings", bearings), *alone, *_name_spot("near", near), *_name_spot("bend", bend)]
         case Place(x, y, bend, lean, wander):
-            alone = [] if wander is None else [("wander", wander)]
+            turns = (("wander", wander), ("heading", intent.heading))
+            alone = [(name, turn) for name, turn in turns if turn is not None]
             numbers = () if intent.step is None else _numbers_of(intent.step)
             steps = [("step", number) for number in numbers]
             return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone, *steps]
@@ -159,10 +160,11 @@ def _intent_numbers(intent: Intent) -> list[tuple[str, object]]:
             return [("command", number) for number in _numbers_of(command, "Steer", "command")]
 
 
-def _numbers_of(command: object, kind: str = "Place", name: str = "step") -> tuple[float, float]:
+def _numbers_of(command: object, kind: str = "Place", name: str = "step") -> tuple[float, ...]:
     if not isinstance(command, Command):
         raise PolicyFailed(f"returned {kind} with {name} = {command!r}, which is no Velocity, Drive or Twist")
-    return command.numbers
+    facing = facing_of(command)
+    return command.numbers if facing is None else (*command.numbers, facing)
 
 
 def _name_values(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:

@@ -127,6 +127,8 @@ class Place:
             and no other robot is in its way. None for one that the body finds itself.
         others: Where the policy knows the other robots to be now, by number, in place of where they were heard; None
             for the latter.
+        heading: Where to face, rad: a holonomic robot on its way too, one that turns on the spot once it is there, and
+            a car never. None for any heading.
     """
 
     x: float
@@ -140,6 +142,7 @@ class Place:
     figures: Figures = field(default_factory=dict)
     step: Command | None = None
     others: Mapping[int, Peer] | None = None
+    heading: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

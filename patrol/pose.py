@@ -67,10 +67,12 @@ class Velocity:
     Attributes:
         vx: Velocity along the map's x axis, m/s.
         vy: Velocity along the map's y axis, m/s.
+        facing: The heading after the step, rad; None for that in which the body moves.
     """
 
     vx: float
     vy: float
+    facing: float | None = None
 
     @property
     def numbers(self) -> tuple[float, float]:
@@ -101,11 +103,11 @@ class Velocity:
         """
         fastest = max(abs(self.vx), abs(self.vy))
         if fastest == 0.0:
-            return Velocity(0.0, 0.0)
+            return Velocity(0.0, 0.0, self.facing)
         # Scaled by the larger component first, so that no finite velocity overflows.
         share = math.hypot(self.vx / fastest, self.vy / fastest)
         cut = min(fastest, limits.speed / share)
-        return self if cut == fastest else Velocity(self.vx / fastest * cut, self.vy / fastest * cut)
+        return self if cut == fastest else Velocity(self.vx / fastest * cut, self.vy / fastest * cut, self.facing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,22 +222,29 @@ _ON_THE_WIRE: tuple[type[Command], ...] = (Velocity, Drive, Twist)
 """A command's type in a message is its index in this list, so new types go to the end."""
 
 
-def command_of(model: str, first: float, second: float) -> Command:
-    """Make the command of a model from its two `numbers`."""
-    return COMMANDS[model](first, second)
+def command_of(model: str, first: float, second: float, facing: float | None = None) -> Command:
+    """Make the command of a model from its two `numbers`, and where a holonomic robot faces, rad."""
+    return Velocity(first, second, facing) if model == "holonomic" else COMMANDS[model](first, second)
 
 
 def is_halt(command: Command) -> bool:
     """Return True if a body that obeys this command neither drives nor turns."""
-    return command.speed_mps == 0.0 and not (isinstance(command, Twist) and command.turn_rate != 0.0)
+    turns = command.turn_rate != 0.0 if isinstance(command, Twist) else facing_of(command) is not None
+    return command.speed_mps == 0.0 and not turns
+
+
+def facing_of(command: Command) -> float | None:
+    """Return where a body is to face after the step, rad; None where its path decides."""
+    return command.facing if isinstance(command, Velocity) else None
 
 
 def scaled(command: Command, share: float) -> Command:
     """Return the command for the same path at a share of its speed."""
     if isinstance(command, Drive):
         return Drive(command.speed * share, command.curvature)
-    first, second = command.numbers
-    return type(command)(first * share, second * share)
+    if isinstance(command, Velocity):
+        return Velocity(command.vx * share, command.vy * share, command.facing)
+    return Twist(command.speed * share, command.turn_rate * share)
 
 
 def slowed(command: Command, top_mps: float) -> Command:
@@ -253,23 +262,26 @@ def halted(model: str) -> Command:
     return command_of(model, 0.0, 0.0)
 
 
-def pack_command(command: Command) -> tuple[int, float, float]:
-    """Pack a command as its type and its two `numbers`, for a message."""
+def pack_command(command: Command) -> tuple[int, float, float, float | None]:
+    """Pack a command as its type, its two `numbers` and where it faces, for a message."""
     first, second = command.numbers
-    return _ON_THE_WIRE.index(type(command)), float(first), float(second)
+    facing = facing_of(command)
+    return _ON_THE_WIRE.index(type(command)), float(first), float(second), None if facing is None else float(facing)
 
 
-def unpack_command(kind: int, first: float, second: float) -> Command:
+def unpack_command(kind: int, first: float, second: float, facing: float | None = None) -> Command:
     """Unpack a command from `pack_command`; its numbers may be infinite or NaN, which the receiver refuses.
 
     Args:
         kind: Index of the command's type.
         first: First of its `numbers`.
         second: Second of its `numbers`.
+        facing: Where a holonomic robot faces after the step, rad; no other one has it.
 
     Raises:
         ValueError: There is no such type.
     """
     if not 0 <= kind < len(_ON_THE_WIRE):
         raise ValueError(f"no kind of command has the number {kind}")
-    return _ON_THE_WIRE[kind](first, second)
+    command_type = _ON_THE_WIRE[kind]
+    return Velocity(first, second, facing) if command_type is Velocity else command_type(first, second)

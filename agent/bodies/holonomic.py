@@ -8,7 +8,7 @@ from dataclasses import replace
 from agent.bodies.base import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, way_of
 from agent.bodies.setup import BodySetup
 from agent.bodies.standoff import Moves
-from agent.ports import Bearing, Choice, Goal, Place, State
+from agent.ports import Bearing, Choice, Goal, Intent, Place, State
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.pose import TAU, Pose, Velocity
@@ -25,6 +25,14 @@ class HolonomicBody(BodyBase):
 
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup, Moves.SIDEWAYS)
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """Return the command that best carries out an intent; it faces where a place says, whatever way it goes."""
+        choice = super().obey(intent, view)
+        if not isinstance(intent, Place) or intent.heading is None:
+            return choice
+        assert isinstance(choice.command, Velocity)
+        return replace(choice, command=replace(choice.command, facing=intent.heading))
 
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:
         pose, start = view.pose, view.start

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.kernels import swept_path as kernels
-from patrol.pose import Command, Drive, Pose, Twist, Velocity
+from patrol.pose import Command, Drive, Pose, Twist, Velocity, wrap
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -25,15 +25,15 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
 
     For example, ``advance(Pose(0.0, 0.0, 0.0), Twist(1.0, 0.0), 0.5)`` is ``Pose(0.5, 0.0, 0.0)``.
 
-    A holonomic robot faces the direction in which it moves, and keeps its heading when it stands. A car and a
+    A holonomic robot faces where it is told to, else the direction in which it moves; it keeps its heading when it
+    stands. A car and a
     differential drive follow an exact arc; the latter may also turn on the spot.
     """
     match command:
-        case Velocity(vx, vy):
+        case Velocity(vx, vy, facing):
             # The bearing of no movement would be 0 and turn the robot.
-            if vx == 0.0 and vy == 0.0:
-                return pose
-            return Pose(pose.x + vx * step, pose.y + vy * step, math.atan2(vy, vx))
+            ahead = pose.heading if vx == 0.0 and vy == 0.0 else math.atan2(vy, vx)
+            return Pose(pose.x + vx * step, pose.y + vy * step, ahead if facing is None else wrap(facing))
         case Drive(speed, curvature):
             return _arc_end(pose, speed * step, speed * step * curvature)
         case Twist(speed, turn_rate):

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, wrap
 from ros2.robot.fence import Fence, Other
 from ros2.wire import messages
 from ros2.wire.frames import apart
@@ -37,14 +37,16 @@ MOVED_M, MOVED_RAD = 0.2, 0.3
 def velocity_of(command: Command, heading: float) -> messages.Twist:
     """Return the velocity that a command stands for, in the body's frame.
 
-    A holonomic body's command is in the map's frame, so its heading there (rad) counts; the body keeps it.
+    A holonomic body's command is in the map's frame, so its heading there (rad) counts. The body keeps it, or turns
+    to where the command faces, in about a second.
 
     For example, a car at 2 m/s with a curvature of 0.1 /m turns at 0.2 rad/s.
     """
     match command:
-        case Velocity(vx, vy):
+        case Velocity(vx, vy, facing):
             cos, sin = math.cos(heading), math.sin(heading)
-            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, 0.0)
+            turn_rate = 0.0 if facing is None else wrap(facing - heading)
+            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, turn_rate)
         case Twist(speed, turn_rate):
             return messages.Twist(speed, 0.0, turn_rate)
         case Drive(speed, curvature):
@@ -133,10 +135,10 @@ def nearer(command: Command, wanted: Command, most: float, radius: float) -> Com
     For example, from 0 to 1 m/s with at most 0.3 m/s of change it is a command of 0.3 m/s.
     """
     match command, wanted:
-        case Velocity(vx, vy), Velocity(to_x, to_y):
+        case Velocity(vx, vy), Velocity(to_x, to_y, facing):
             change = math.hypot(to_x - vx, to_y - vy)
             share = 1.0 if change <= most else most / change
-            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share)
+            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share, facing)
         case Twist(speed, turn_rate), Twist(to_speed, to_turn_rate):
             return Twist(_step_toward(speed, to_speed, most), _step_toward(turn_rate, to_turn_rate, most / radius))
         case Drive(speed, _), Drive(to_speed, curvature):

@@ -27,7 +27,7 @@ from patrol.pose import Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
 
-PROTOCOL = 8
+PROTOCOL = 9
 ANYONE = 0
 """The instance in a hello, which is for all processes of a robot."""
 
@@ -159,14 +159,14 @@ class ReplyB(Head):
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
-        command = {"model": _Count, "first": Real, "second": Real}
+        command = {"model": _Count, "first": Real, "second": Real, "facing": Real | None}
         state = {"state": Annotated[Text, Field(max_length=MAX_STATE), PRINTABLE], "goal": tuple[Finite, Finite] | None}
         return {**Head.columns(), **command, **state, "decision_ms": Finite, "rejected": _Id}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, model, first, second, state, goal, decision_ms, rejected = values
-        reply = Reply(unpack_command(model, first, second), state, goal, decision_ms, rejected)
+        incarnation, instance, k, run, model, first, second, facing, state, goal, decision_ms, rejected = values
+        reply = Reply(unpack_command(model, first, second, facing), state, goal, decision_ms, rejected)
         return cls(incarnation, instance, k, run, reply)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102

@@ -72,6 +72,16 @@ def test_a_number_that_is_none_or_not_finite_is_named(field: str, value: Any) ->
         assert str(failed.value) == f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9"
 
 
+@pytest.mark.parametrize("value", [bad for bad in BAD if bad is not None], ids=repr)
+def test_a_heading_is_none_or_a_number(value: Any) -> None:
+    for intent in (Place(1.0, 2.0), Place(1.0, 2.0, heading=0.5), Steer(Velocity(1.0, 0.0, 0.5))):
+        assert checked(intent) == intent
+    with pytest.raises(PolicyFailed, match="returned Place with heading = "):
+        checked(Place(1.0, 2.0, heading=value))
+    with pytest.raises(PolicyFailed, match="returned Steer with command = "):
+        checked(Steer(Velocity(1.0, 0.0, value)))
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_numbers_reach_to_a_milliard(sign: float) -> None:
     for largest in (1e9, 10**9, np.float64(1e9)):

@@ -39,7 +39,7 @@ def test_a_command_comes_back_from_its_numbers_and_from_a_message(model: str, fi
     assert type(command) is COMMANDS[model]
     assert command.numbers == (first, second)
     packed = pack_command(command)
-    assert [type(value) for value in packed] == [int, float, float]
+    assert [type(value) for value in packed] == [int, float, float, type(None)]
     again = unpack_command(*packed)
     assert again == command
     signs = [[math.copysign(1.0, value) for value in each.numbers] for each in (again, command)]
@@ -47,9 +47,10 @@ def test_a_command_comes_back_from_its_numbers_and_from_a_message(model: str, fi
 
 
 def test_the_kinds_of_commands_in_a_message_never_change_and_numbers_not_finite_pass() -> None:
-    assert pack_command(Velocity(1.0, 2.0)) == (0, 1.0, 2.0)
-    assert pack_command(Drive(1.0, 2.0)) == (1, 1.0, 2.0)
-    assert pack_command(Twist(1.0, 2.0)) == (2, 1.0, 2.0)
+    assert pack_command(Velocity(1.0, 2.0)) == (0, 1.0, 2.0, None)
+    assert pack_command(Velocity(1.0, 2.0, 3.0)) == (0, 1.0, 2.0, 3.0)
+    assert pack_command(Drive(1.0, 2.0)) == (1, 1.0, 2.0, None)
+    assert pack_command(Twist(1.0, 2.0)) == (2, 1.0, 2.0, None)
     again = unpack_command(*pack_command(Velocity(math.nan, -math.inf)))
     assert isinstance(again, Velocity)
     assert math.isnan(again.vx)

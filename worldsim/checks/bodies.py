@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,6 +83,8 @@ class BodiesApart(Check):
 class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
+    A holonomic one may face anywhere after a move: where is no part of a journal.
+
     Under motion faults it goes where commands and draws take it; the check `motion` judges these draws. Without one it
     does exactly as it is commanded.
 
@@ -99,6 +102,7 @@ class MovesAreTrue(Check):
         self._noise = MotionNoise(run.prepared.scenario, run.timeline)
         self._uneven = run.entries(Motion)
         self._due = dict(run.starts)
+        self._may_turn: dict[int, bool] = {}  # robots that may face anywhere at the next tick
 
     def _tick(self, record: TickRecord) -> None:
         for number in self._expected.appeared:
@@ -117,6 +121,7 @@ class MovesAreTrue(Check):
             moves = not row.bumped and not is_halt(driven[row.number])
             # The next tick's poses are compared with these.
             self._due[row.number] = advance(pose, driven[row.number], self._step) if moves else pose
+            self._may_turn[row.number] = spec.model == "holonomic" and row.status is Status.ALIVE and not row.bumped
             self._looked += 1
 
     def _end(self) -> str:
@@ -146,6 +151,8 @@ class MovesAreTrue(Check):
 
     def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
         expected = self._due[row.number]
+        if self._may_turn.get(row.number):
+            expected = replace(expected, heading=pose.heading)
         # To the bit: both sides are computed by the same code from the same numbers.
         if pose != expected:
             return f"is at {_format_pose(pose)} and not at {_format_pose(expected)}, where its last move ended,"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from patrol.exchange import FIRST_INCARNATION
 from patrol.ground.swept_path import advance, chords, lay_path, path_is_free
 from patrol.journal import Status
-from patrol.pose import COMMANDS, Command, Pose, halted, is_halt
+from patrol.pose import COMMANDS, Command, Pose, facing_of, halted, is_halt
 from worldsim.kernels.collide import cancel_meeting, near_others
 
 if TYPE_CHECKING:
@@ -76,7 +76,9 @@ def within_limits(spec: RobotSpec, command: Command) -> Command | None:
 
     A command is invalid if it is for another model, or has numbers that are not finite.
     """
-    if type(command) is not COMMANDS[spec.model] or not all(map(math.isfinite, command.numbers)):
+    if type(command) is not COMMANDS[spec.model] or not all(
+        map(math.isfinite, (*command.numbers, facing_of(command) or 0.0))
+    ):
         return None
     return command.limited(spec.limits)
 

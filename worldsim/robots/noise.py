@@ -89,10 +89,10 @@ def _clip_share(share: float) -> float:
 def _change_command(command: Command, speed: float, turning: float, veer: float, step: float) -> Command:
     """Multiply a command's speed and turning by shares, and turn its path by `veer` rad per m driven."""
     match command:
-        case Velocity(vx, vy):
+        case Velocity(vx, vy, facing):
             turn = veer * command.speed_mps * speed * step
             cosine, sine = speed * math.cos(turn), speed * math.sin(turn)
-            return Velocity(vx * cosine - vy * sine, vx * sine + vy * cosine)
+            return Velocity(vx * cosine - vy * sine, vx * sine + vy * cosine, facing)
         case Drive():
             return Drive(command.speed * speed, command.curvature * turning + veer)
         case Twist():

@@ -26,6 +26,8 @@ def room() -> Terrain:
 def test_a_holonomic_robot_faces_the_way_it_moves_and_a_car_follows_its_arc() -> None:
     assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, -2.0), 0.5) == Pose(1.0, 0.0, -math.pi / 2)
     assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, 0.0), 0.5) == Pose(1.0, 1.0, 0.3)
+    assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, 0.0, 1.0), 0.5) == Pose(1.0, 1.0, 1.0)
+    assert advance(Pose(1.0, 1.0, 0.3), Velocity(0.0, -2.0, -math.pi), 0.5) == Pose(1.0, 0.0, math.pi)
     quarter = advance(Pose(0.0, 0.0, 0.0), Drive(math.pi, 0.5), 1.0)
     assert (quarter.x, quarter.y, quarter.heading) == pytest.approx((2.0, 2.0, math.pi / 2))
     back = advance(quarter, Drive(-math.pi, 0.5), 1.0)

@@ -18,9 +18,9 @@ HEAD = [1, 2, 3, 4]
 
 PHASE_A: list[Any] = [1, *HEAD, 1.0, 2.0, 0.5, False, [], 1.5, None, [], None, []]
 STOP = [3, *HEAD, True, "over"]
-HELLO_REPLY = [0, *HEAD, "hash", 8]
+HELLO_REPLY = [0, *HEAD, "hash", 9]
 REPLY_A = [1, *HEAD, [b"frame"]]
-REPLY_B = [2, *HEAD, 2, 1.0, 2.0, "patrolling", None, 1.5, 7]
+REPLY_B = [2, *HEAD, 2, 1.0, 2.0, None, "patrolling", None, 1.5, 7]
 
 
 def is_taken(message: list[Any], place: int, value: Any, decode: Any) -> bool:
@@ -53,10 +53,11 @@ TO_WORLD: list[tuple[list[Any], int, tuple[list[Any], list[Any]]]] = [
     (HELLO_REPLY, 6, COUNT),
     (REPLY_A, 5, ([[], [b"f"] * 5], [[b"f"] * 6, ["f"], None])),
     (REPLY_B, 5, ([0, 1, 2], [3, -1])),
-    (REPLY_B, 8, (["", "s" * 32], ["s" * 33, "a\nb", None])),
-    (REPLY_B, 9, ([None, [1.0, 2.0]], [[1.0], [1.0, 2.0, 3.0], [math.inf, 1.0]])),
-    (REPLY_B, 10, FINITE),
-    (REPLY_B, 11, ID),
+    (REPLY_B, 8, ([None, 0.5, -9.0, math.nan], ["x", 1, True])),
+    (REPLY_B, 9, (["", "s" * 32], ["s" * 33, "a\nb", None])),
+    (REPLY_B, 10, ([None, [1.0, 2.0]], [[1.0], [1.0, 2.0, 3.0], [math.inf, 1.0]])),
+    (REPLY_B, 11, FINITE),
+    (REPLY_B, 12, ID),
     ([3, *HEAD, ""], 5, (["", "r" * 400], ["r" * 401, "a\nb", "\x1b[2J", 7, None, b"bytes"])),
 ]
 

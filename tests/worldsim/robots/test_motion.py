@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from patrol.ground.swept_path import advance, chords, lay_path
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
-from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
+from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity, facing_of
 from patrol.scenario import RobotSpec
 from worldsim.kernels.collide import near_others
 from worldsim.robots.bodies import Body, length, move, overlap, standstill, within_limits
@@ -119,7 +119,7 @@ def test_the_outcome_does_not_depend_on_the_order_of_the_bodies(
 def test_commands_are_cut_to_what_a_robot_can_do(command: Command) -> None:
     for spec in (CAR, DISC, BASE):
         obeyed = within_limits(spec, command)
-        finite = all(math.isfinite(number) for number in (getattr(command, name) for name in command.__slots__))
+        finite = all(math.isfinite(number) for number in (*command.numbers, facing_of(command) or 0.0))
         assert (obeyed is not None) == (finite and type(command) is COMMANDS[spec.model])
         if isinstance(obeyed, Drive):
             assert abs(obeyed.speed) <= spec.speed
