@@ -12,13 +12,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from agent.policies.choice import FreeChoice
+from agent.policies.gaze import look_from
 from agent.policies.pursuit import Pursuit, age_of
 from agent.policies.separation import RandomSteps, Separation
 from agent.ports import Bearing, Intent, Place, State, Stay
 from patrol.scenario import CommitmentOptions
 
 if TYPE_CHECKING:
-    from agent.policies.pursuit import Leg
+    from agent.policies.pursuit import Leg, Target
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
@@ -64,7 +65,10 @@ class Commitment:
         self._random_steps = RandomSteps(RANDOM_MOVE)
         self._step = setup.fleet.step
         sight = setup.ground.sight
-        self._sees_all_round = sight.all_round and not sight.leaves_age
+        self._sight, self._sees_all_round = sight, sight.all_round and not sight.leaves_age
+        self._looks_freely = not sight.all_round and setup.robot.spec.model == "holonomic"
+        # A car cannot turn on the spot, and a sensor that looks all round may see more from elsewhere.
+        self._may_have_to_move = sight.all_round or setup.robot.spec.model == "car"
         self._may_be_away = bool(setup.fleet.docks)
         self._decided_at = 0
 
@@ -100,11 +104,9 @@ class Commitment:
         # While no way leads on along the round, or to the station, single targets are free.
         state = self._state_of(chooses_freely or target.free)
         figures = {"way_m": way.length, "age_s": age_of(view, target.point) * self._step}
-        if way.length == 0.0 and not self._sees_all_round:
-            # It stands where it should, so it only has to turn.
-            across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
-            if across != 0.0 or up != 0.0:
-                return Bearing((math.atan2(up, across),), wander=wander, state=state, figures=figures)
+        heading = self._find_heading(view, target, way)
+        if way.length == 0.0 and self._may_have_to_move and heading is not None:
+            return Bearing((heading,), wander=wander, state=state, figures=figures)
         place = Place(
             *way.place,
             bend=way.bend,
@@ -113,8 +115,25 @@ class Commitment:
             gives_room=True,
             state=state,
             figures=figures,
+            heading=heading,
         )
         return place if target.leg is None else _along(place, target.leg)
+
+    def _find_heading(self, view: View, target: Target, way: Way) -> float | None:
+        """Return where to look, rad; None for any heading."""
+        if self._sees_all_round:
+            return None
+        if target.leg is not None and target.leg.heading is not None:
+            return target.leg.heading
+        if self._looks_freely and way.length > 0.0:
+            here = view.pose.x, view.pose.y
+            share = min(view.stride / max(math.dist(here, way.bend), view.stride), 1.0)
+            next_spot = here[0] + share * (way.bend[0] - here[0]), here[1] + share * (way.bend[1] - here[1])
+            return look_from(self._sight, next_spot, target.point, view.tick, view.fog.patrolled, view.fog.last_seen)
+        if target.heading is not None:
+            return target.heading
+        across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
+        return math.atan2(up, across) if across != 0.0 or up != 0.0 else None
 
     def _state_of(self, is_free: bool) -> State:
         """Return the state to report for a robot that goes by a free choice, or by a plan."""

@@ -113,6 +113,7 @@ class Leg:
     spot: Spot  # its end, x and y in m
     step: Command | None  # the first one, where the robot is on the way
     others: Mapping[int, Peer] | None  # where other robots are now; None for where they were heard
+    heading: float | None = None  # in which a robot looks that looks elsewhere than it goes, rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +125,7 @@ class Target:
     age: int  # of the point when it was chosen, ticks; 0 for a place that is only passed
     free: bool = False  # chosen freely, not on a round or from a plan
     leg: Leg | None = None  # of the plan
+    heading: float | None = None  # in which the point is seen from its stand, rad; None: towards the point, or any
 
 
 class Pursuit:

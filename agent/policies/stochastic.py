@@ -20,6 +20,7 @@ They are free, too, where doors may close: each robot knows of other closed door
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
@@ -29,6 +30,7 @@ from agent.policies.commitment import Commitment
 from agent.policies.common_plan.believed import Believed
 from agent.policies.common_plan.following import OnPlan
 from agent.policies.common_plan.stations import Groups, KnownStations
+from agent.policies.common_plan.turns import Turns
 from agent.policies.living import Living
 from patrol.errors import BadInput
 from patrol.measures.zoned import MOST_KEPT
@@ -156,7 +158,10 @@ class Stochastic(Commitment):
         if question not in groups_by_round:
             reach = prepared.fields[widest_robot].reach
             find_ways = partial(ways_between, prepared.terrain, reach, range_m=ground.sight.range_m)
-            known = KnownStations(laid_out, find_ways, self._free.zones.under(self._weighing, MARGIN))
+            widest, angle = self._setup.fleet.roster[widest_robot - 1], math.radians(prepared.scenario.sensor.angle)
+            find_turns = partial(Turns, widest.radius, angle, prepared.terrain)
+            weights = self._free.zones.under(self._weighing, MARGIN)
+            known = KnownStations(laid_out, find_ways, weights, find_turns)
             groups = Groups(known, self._setup.fleet.roster, prepared.starts, prepared.terrain)
             groups_by_round[question] = laid_out, groups
             for oldest in [key for key in groups_by_round if key[1] != self._weighing][:-MOST_KEPT]:

@@ -21,7 +21,7 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
     if any(size.bound_s == 0.0 for size in plan.sizes):
         yield f"bound -: {NO_BOUND}"
     if all(size.age_s is None for size in plan.sizes):
-        yield "tours -: the sensor does not look all around or leaves some of an age, or the ground is too large"
+        yield "tours -: the sensor leaves some of an age, cars do not look all around, or the ground is too large"
     areas = [size.area_m2 for size in plan.sizes]
     if max(areas) > 1.01 * min(areas):
         yield f"ground: fewer robots start in fewer parts and reach less of it, {min(areas):.0f} to {max(areas):.0f} m²"

@@ -28,7 +28,7 @@ from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED
 from patrol.measures.best_tour import BestTour, best_tour
-from patrol.prepare import Prepared, prepare, terrain_of
+from patrol.prepare import Prepared, prepare, sensor_footprint, terrain_of
 from patrol.scenario import RobotGroup, changed_scenario
 from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
 from patrol.zones.ground import SpeedLimits
@@ -283,7 +283,9 @@ class _Planner:
 
     def _add_size(self, number: int, prepared: Prepared, tours: BestTour) -> None:
         """Divide the ground among a fleet of some size, and keep its tours."""
-        territories = None if tours.length_m is None else self._divider.divide(prepared)
+        # The tours of parts of the ground are searched for without looks aside.
+        is_divided = tours.length_m is not None and sensor_footprint(prepared.scenario, prepared.terrain).all_round
+        territories = self._divider.divide(prepared) if is_divided else None
         scenario = prepared.scenario
         own_s = [
             _driven_s(territory.tour.way, territory.tour.length_m, scenario, self._limits)

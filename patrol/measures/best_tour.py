@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -31,10 +32,11 @@ from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.tours.round import Round, Tour, lay_out
 
 if TYPE_CHECKING:
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
-    from patrol.scenario.sections import SensorSpec
+    from patrol.scenario.sections import RobotSpec, SensorSpec
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,6 +88,9 @@ NO_BOUND = "discs of the sensor's range around the robots have a larger area tha
 _known: dict[str, Tour | None] = {}
 """Tours by digest, of this process, the latest ones."""
 
+SHARES = (1.0, 0.7, 0.5)
+"""Shares of the range of a sensor that does not look all around, for whose discs tours are searched for."""
+
 MOST_KNOWN = 64
 """Tours that a process keeps in memory: a sweep over many buildings may need one each."""
 
@@ -103,8 +108,8 @@ class PartTour:
 class BestTour:
     """The tours of a fleet, one for each part of the terrain.
 
-    There are none where the sensor does not look all around, leaves some of a point's age, or is a class of an
-    installed package.
+    There are none where the sensor leaves some of a point's age, or is a class of an installed package, and for cars
+    whose sensor does not look all around. Turns to look aside count as the way that wheels drive meanwhile.
     """
 
     parts: tuple[PartTour, ...]
@@ -141,7 +146,7 @@ def best_tour(prepared: Prepared, ground: BoolGrid | None = None) -> BestTour:
     In a fleet of several radii, the larger bodies see what they can, and the smaller ones the rest.
     """
     finder = TourFinder(prepared)
-    if not finder.sees_all_round:
+    if not finder.has_tours:
         return BestTour(())
     groups: dict[int, list[int]] = {}
     for number, own in finder.grounds.items():
@@ -154,9 +159,9 @@ def best_tour(prepared: Prepared, ground: BoolGrid | None = None) -> BestTour:
         part_ground = own.patrolled & uncovered
         uncovered &= ~own.patrolled
         if part_ground.any():
-            tour = finder.find(own, part_ground)
+            tour = finder.find(own, part_ground, specs[robots[0]])
             speeds = {number: specs[number].speed for number in robots}
-            length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
+            length_m, way = (None, ()) if tour is None else (finder.cost_m(tour, specs[robots[0]]), tour.way)
             parts.append(PartTour(speeds, length_m, way))
     return BestTour(tuple(parts))
 
@@ -165,27 +170,35 @@ def rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     """Find each robot's round, by number: a short closed tour on which it sees all of its own ground, laid out.
 
     None in a fleet that follows none (`TourFinder.why_no_rounds`), where the ground is too large for a tour, and where
-    all of it is seen from one place. Robots of one radius in one part of the terrain share one.
+    all of it is seen from one place. Robots of one radius in one part of the terrain share one; where the sensor does
+    not look all around, those of one model.
     """
     finder = TourFinder(prepared)
     if finder.why_no_rounds:
         return dict.fromkeys(prepared.scenario.numbers)
-    distinct = {id(own): own for own in finder.grounds.values()}
-    rounds = {key: finder.find_round(own) for key, own in distinct.items()}
-    return {number: rounds[id(own)] for number, own in finder.grounds.items()}
+    specs = {spec.number: spec for spec in prepared.scenario.roster}
+    kinds = {
+        number: (id(own), "" if finder.sees_all_round else specs[number].model)
+        for number, own in finder.grounds.items()
+    }
+    first = {kind: number for number, kind in reversed(kinds.items())}
+    rounds = {kind: finder.find_round(finder.grounds[number], specs[number]) for kind, number in first.items()}
+    return {number: rounds[kind] for number, kind in kinds.items()}
 
 
 class TourFinder:
     """Finds tours for a fleet.
 
-    There are tours only where the sensor `sees_all_round` at one look, and its code cannot change under its name.
+    There are tours only where the sensor leaves no age, and its code cannot change under its name. A robot whose sensor
+    does not look all around follows a tour for a disc of a shorter range, and looks aside.
     """
 
     def __init__(self, prepared: Prepared) -> None:
         self._prepared, self.terrain = prepared, prepared.terrain
         self._footprint = footprint = sensor_footprint(prepared.scenario, prepared.terrain)
         identity = _sensor_identity(prepared.scenario.sensor)
-        self.sees_all_round = footprint.all_round and not footprint.leaves_age and identity is not None
+        self.sees_all_round = footprint.all_round
+        self.has_tours = not footprint.leaves_age and identity is not None
         self._identity = identity or ()
 
     @cached_property
@@ -196,47 +209,88 @@ class TourFinder:
     @property
     def why_no_rounds(self) -> str:
         """The reason that robots with such a sensor have no rounds; empty where they may have."""
-        if not self.sees_all_round:
-            return (
-                "its sensor does not look all around, leaves some of a point's age, or is a class of an installed "
-                "package"
-            )
+        if not self.has_tours:
+            return "its sensor leaves some of a point's age, or is a class of an installed package"
+        if not self.sees_all_round and all(spec.model == "car" for spec in self._prepared.scenario.roster):
+            return "its sensor does not look all around, and a car cannot turn on the spot"
         return ""
 
-    def find(self, own: OwnGround, ground: BoolGrid) -> Tour | None:
-        """Find a tour over a part of a robot's own ground: known to this process, in the cache, or by a search.
+    def cost_m(self, tour: Tour, spec: RobotSpec) -> float:
+        """Return the length of a tour, m, with the way that wheels drive while they turn to look aside.
 
-        None where the part is too large for a tour.
+        A holonomic robot stands for a step for each look.
         """
-        digest = self._digest(own, ground)
+        if spec.model == "holonomic":
+            return tour.length_m + len(tour.looks) * spec.speed * self._prepared.scenario.step
+        return tour.length_m + tour.turned * spec.radius
+
+    def find(self, own: OwnGround, ground: BoolGrid, spec: RobotSpec) -> Tour | None:
+        """Find a tour over a part of a robot's own ground, with looks aside where its sensor needs them.
+
+        None where the part is too large for a tour, and for a car that would have to look aside.
+        """
+        if self.sees_all_round:
+            return self._find(own, ground, 1.0, looks=False)
+        if spec.model == "car":
+            return None
+        tours = [self._find(own, ground, share, looks=True) for share in SHARES]
+        return min((tour for tour in tours if tour is not None), key=lambda tour: self.cost_m(tour, spec), default=None)
+
+    def _find(self, own: OwnGround, ground: BoolGrid, share: float, *, looks: bool) -> Tour | None:
+        """Find a tour known to this process, in the cache, or by a search, for a disc of a share of the range."""
+        digest = self._digest(own, ground, *((share, looks) if share < 1.0 or looks else ()))
 
         def find() -> Tour | None:
             file = _tour_file(f"{digest}.json")
             try:
                 return _read_tour(file, self.terrain, own)
             except (OSError, ValueError, LookupError, TypeError):
-                from patrol.tours.search import find_tour  # here: most processes need no tour
+                from patrol.tours.looks import with_looks  # here: most processes need no tour
+                from patrol.tours.search import find_tour
 
-                tour = find_tour(self.terrain, own.reach, ground, own.proxy, self._footprint)
+                tour = find_tour(self.terrain, own.reach, ground, own.proxy, self._narrow(share))
+                if looks and tour is not None:
+                    tour = with_looks(tour, self.terrain, own.reach, ground, self._footprint)
                 if tour is not None:
                     _keep_tour(file, tour)
                 return tour
 
         return latest(_known, digest, find, MOST_KNOWN)
 
-    def find_round(self, own: OwnGround) -> Round | None:
-        """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour."""
-        tour = self.find(own, own.patrolled) if own.patrolled.any() else None
+    def find_round(self, own: OwnGround, spec: RobotSpec) -> Round | None:
+        """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour.
+
+        A holonomic robot looks wherever it likes on its way, so it follows the round of a sensor that sees all round,
+        but less far, or it would have to look back at once for what goes out of view.
+        """
+        if not own.patrolled.any():
+            return None
+        looks_freely = not self.sees_all_round and spec.model == "holonomic"
+        if looks_freely:
+            tour, footprint = self._find(own, own.patrolled, SHARES[-1], looks=False), self._narrow(SHARES[-1])
+        else:
+            tour, footprint = self.find(own, own.patrolled, spec), self._footprint
         if tour is None or tour.length_m == 0.0:
             return None
-        file = _tour_file(f"{self._digest(own, own.patrolled, repr(tour))}.npz")
-        return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, self._footprint, tour, file)
+        more = (SHARES[-1],) if looks_freely else ()
+        file = _tour_file(f"{self._digest(own, own.patrolled, repr(tour), *more)}.npz")
+        return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, footprint, tour, file)
 
-    def _digest(self, own: OwnGround, ground: BoolGrid, *more: str) -> str:
+    def _narrow(self, share: float) -> Footprint:
+        """Return the footprint of a disc of a share of the sensor's range; the sensor's own where it sees all round."""
+        if self.sees_all_round:
+            return self._footprint
+        from patrol.ground.sensors import footprint_of  # here: its kernels take time to load
+
+        sensor = self._prepared.scenario.sensor
+        return footprint_of(self.terrain, share * sensor.range, line_of_sight=sensor.line_of_sight)
+
+    def _digest(self, own: OwnGround, ground: BoolGrid, *more: object) -> str:
         terrain, footprint = self.terrain, self._footprint
         # Corners are in m; left out where the origin is (0, 0), as it was at first, so that older files stay known.
         origin = terrain.origin if any(terrain.origin) else ()
-        sensor = footprint.radius, footprint.line_of_sight, *self._identity
+        aside = () if self.sees_all_round else (self._prepared.scenario.sensor.angle,)
+        sensor = footprint.radius, footprint.line_of_sight, *self._identity, *aside
         digest = hashlib.sha256(repr((VERSION, terrain.shape, terrain.point, *sensor, *more, *origin)).encode())
         for grid in (terrain.passable, own.reach, ground):
             digest.update(np.packbits(grid).tobytes())
@@ -246,8 +300,11 @@ class TourFinder:
 def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour:
     """Read a tour from the cache; raise ValueError or what reading raises where it holds none of this ground."""
     says = json.loads(file.read_text(encoding="utf-8"))
-    tour = Tour(float(says["length_m"]), tuple((float(x), float(y)) for x, y in says["way"]))
-    if not (0.0 <= tour.length_m < float("inf")) or not tour.way:
+    length_m, corners = float(says["length_m"]), says["way"]
+    way, looks = (tuple((float(x), float(y)) for x, y in pairs) for pairs in (corners, says.get("looks", ())))
+    tour = Tour(length_m, way, looks, float(says.get("turned", 0.0)))
+    numbers = [tour.length_m, tour.turned, *(number for look in tour.looks for number in look)]
+    if not all(map(math.isfinite, numbers)) or tour.length_m < 0.0 or tour.turned < 0.0 or not tour.way:
         raise ValueError("no tour")
     if not all(terrain.contains(*corner) and own.reach[terrain.point_at(*corner)] for corner in tour.way):
         raise ValueError("a tour of other ground")
@@ -258,7 +315,7 @@ def _keep_tour(file: Path, tour: Tour) -> None:
     """Write a tour into the cache, if it can be written."""
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, json.dumps(asdict(tour)))
+        write_whole(file, json.dumps({name: value for name, value in asdict(tour).items() if value}))
 
 
 def _tour_file(name: str) -> Path:

@@ -22,6 +22,12 @@ MOST_CANDIDATES = 6000
 ROUGH = 50.0
 """Points of the thinned grid of `cover_roughly` along the sensor's range."""
 
+HEADINGS = tuple(math.remainder(number * math.tau / 16, math.tau) for number in range(16))
+"""The headings in which a robot looks whose sensor does not look all round, rad."""
+
+ASKEW = 0.1
+"""By so much a robot may face beside a heading to either side, rad."""
+
 REMEMBERED = 512
 """Views kept at most, for the whole grid; more for a thinned one."""
 
@@ -37,14 +43,21 @@ class Looks:
         """Return x and y of a point's centre, m."""
         return self._terrain.centre(*divmod(place, self._terrain.width))
 
-    def window(self, place: int, every: int) -> tuple[slice, slice, BoolGrid]:
+    def window(self, place: int, every: int, heading: float | None = None) -> tuple[slice, slice, BoolGrid]:
         """Return rows and columns of a thinned grid around a place, and which of its points are seen from there.
 
-        The grid holds every so many points of each row and column.
+        The grid holds every so many points of each row and column. Without a heading, in rad, a robot looks all round,
+        if need be by turning on the spot.
         """
-        view = self._footprint.visible(Pose(*self.place(place), 0.0))
+        x, y = self.place(place)
+        view = self._footprint.visible(Pose(x, y, 0.0))
+        seen = view.mask
+        if not self._footprint.all_round:
+            headings = HEADINGS if heading is None else (heading - ASKEW, heading + ASKEW)
+            masks = [self._footprint.visible(Pose(x, y, angle)).mask for angle in headings]
+            seen = np.logical_or.reduce(masks) if heading is None else np.logical_and.reduce(masks)
         top, left = max(0, -(-view.row0 // every)), max(0, -(-view.col0 // every))
-        mask = view.mask[top * every - view.row0 :: every, left * every - view.col0 :: every]
+        mask = seen[top * every - view.row0 :: every, left * every - view.col0 :: every]
         height, width = (-(-size // every) for size in self._terrain.shape)
         mask = mask[: height - top, : width - left] != 0
         return slice(top, top + mask.shape[0]), slice(left, left + mask.shape[1]), mask

@@ -45,6 +45,8 @@ class Tour:
 
     length_m: float
     way: tuple[tuple[float, float], ...]  # corners in order, x and y in m
+    looks: tuple[tuple[float, float], ...] = ()  # aside, in order: how far along the tour, m, and the heading, rad
+    turned: float = 0.0  # by which a robot turns for these, rad
 
 
 PLACES = 0.02
@@ -53,7 +55,7 @@ PLACES = 0.02
 SLACK = 0.075
 """How far before and after a place a point has to be seen as well, as a share of the sensor's range."""
 
-ARRAYS = ("places", "along", "points", "place_of", "stands", "spots", "begins", "apart_m", "around")
+ARRAYS = ("places", "along", "points", "place_of", "stands", "headings", "spots", "begins", "apart_m", "around")
 
 Flat = NDArray[np.int64]
 
@@ -68,6 +70,7 @@ class Round:
     points: Flat  # (p,), the patrolled points, by the place to which they belong
     place_of: Flat  # (p,), the place of each of them, ascending
     stands: Flat  # (p,), the point to stand on to see each: its place, or its own post where no place sees it
+    headings: NDArray[np.float64]  # (n,), from each place, rad; (0,) for a sensor that looks all round
     spots: Flat  # (s,), flat index of a point in the middle of each station
     begins: Flat  # (s + 1,), where each station's points begin in `points`, and where the last one's end
     apart_m: NDArray[np.float64]  # (s, s), as of `ways_between`; (0, 0) for more than `MOST_STATIONS`
@@ -92,16 +95,21 @@ def lay_out(
     tour: Tour,
     file: Path | None = None,
 ) -> Round:
-    """Lay a tour out over ground that is all seen from it, by a sensor that looks all around.
+    """Lay a tour out over ground that is all seen from it; a sensor may have to look aside as the tour says.
 
     `reach` marks where the body's centre may be; `proxy` holds the flat index of the post of each point on which no
     body fits. `file`, of the same arguments alone, keeps what takes longest to compute; it need not exist.
     """
     width = terrain.width
-    places, along, length_m = _tour_places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
+    places, along, headings, length_m = places_with_looks(
+        terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m)
+    )
+    if footprint.all_round:
+        headings = np.empty(0)
     known = _read_kept(file, int(np.count_nonzero(ground)), len(places))
     if known is None:
-        owner = _assign_stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
+        looks = Looks(terrain, footprint)
+        owner = _assign_stops(terrain, ground, places, along, headings, looks, SLACK * footprint.range_m)
     else:
         owner = np.full(terrain.shape, -1, dtype=np.int64)
         owner[ground] = known[0]
@@ -115,7 +123,7 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     place_of = flat_owner[points]
-    spots, begins, around = _find_stations(terrain, places, along, points, place_of, footprint.range_m)
+    spots, begins, around = _find_stations(terrain, places, along, headings, points, place_of, footprint.range_m)
     size = len(spots) if len(spots) <= MOST_STATIONS else 0
     apart_m = np.empty((0, 0)) if known is None else known[1]
     if is_new := known is None or apart_m.shape != (size, size):
@@ -125,7 +133,7 @@ def lay_out(
             file.parent.mkdir(parents=True, exist_ok=True)
             with replacing(file) as part, part.open("wb") as output:
                 np.savez_compressed(output, stops=stops, apart_m=apart_m)
-    return Round(length_m, places, along, points, place_of, stands[points], spots, begins, apart_m, around)
+    return Round(length_m, places, along, points, place_of, stands[points], headings, spots, begins, apart_m, around)
 
 
 def _read_kept(file: Path | None, points: int, places: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
@@ -145,14 +153,24 @@ def _read_kept(file: Path | None, points: int, places: int) -> tuple[NDArray[np.
 
 
 def _assign_stops(
-    terrain: Terrain, ground: BoolGrid, places: Flat, along: NDArray[np.float64], looks: Looks, slack_m: float
+    terrain: Terrain,
+    ground: BoolGrid,
+    places: Flat,
+    along: NDArray[np.float64],
+    headings: NDArray[np.float64],
+    looks: Looks,
+    slack_m: float,
 ) -> Flat:
     """Return the place to which each patrolled point belongs, int64 (height, width); -1 where no place sees it."""
     window = np.zeros(terrain.shape, dtype=np.bool_)
 
+    def look(number: int) -> tuple[slice, slice, BoolGrid]:
+        """Return what is seen from a place."""
+        return looks.window(int(places[number]), 1, float(headings[number]) if headings.size else None)
+
     def sees(number: int, rows: slice, cols: slice) -> BoolGrid:
         """Return which points of a window are seen from a place."""
-        own_rows, own_cols, mask = looks.window(int(places[number]), 1)
+        own_rows, own_cols, mask = look(number)
         window[own_rows, own_cols] = mask
         within = window[rows, cols].copy()
         window[own_rows, own_cols] = False
@@ -161,8 +179,8 @@ def _assign_stops(
     # The last places in a row from which each point is seen.
     first = np.full(terrain.shape, -1, dtype=np.int64)
     last = np.full(terrain.shape, -2, dtype=np.int64)
-    for number, cell in enumerate(places.tolist()):
-        rows, cols, mask = looks.window(cell, 1)
+    for number in range(len(places)):
+        rows, cols, mask = look(number)
         mask = mask & ground[rows, cols]
         first[rows, cols][mask & (last[rows, cols] != number - 1)] = number
         last[rows, cols][mask] = number
@@ -179,7 +197,7 @@ def _assign_stops(
     for number, due_there in zip(numbers.tolist(), np.split(points, begins[1:]), strict=True):
         if (owner.flat[due_there] >= 0).all():
             continue
-        rows, cols, mask = looks.window(int(places[number]), 1)
+        rows, cols, mask = look(number)
         row, col = divmod(int(places[number]), terrain.width)
         up, across = np.arange(terrain.height)[rows] - row, np.arange(terrain.width)[cols] - col
         off = up[:, None] ** 2 + across**2
@@ -191,12 +209,32 @@ def _assign_stops(
     return owner
 
 
-def _tour_places(
-    terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float
-) -> tuple[Flat, NDArray[np.float64], float]:
-    """Return the points of a tour at most a spacing (m) apart, how far along it they lie, and its length, m."""
+Places = tuple[Flat, NDArray[np.float64], NDArray[np.float64], float]
+"""Points of a tour, how far along it they lie in m, the headings in which a robot looks from there in rad, and the
+tour's length in m."""
+
+
+def places_with_looks(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> Places:
+    """Return the points of a tour at most a spacing (m) apart, and those from which it looks aside."""
+    places, along, headings, length_m = places_of(terrain, reach, tour, spacing)
+    if not tour.looks:
+        return places, along, headings, length_m
+    looks_m, aside = np.array(tour.looks).T
+    before = np.searchsorted(along, looks_m + ROUNDED_M)
+    headings = np.insert(headings, before, aside)
+    return (
+        np.insert(places, before, places[before - 1]),
+        np.insert(along, before, along[before - 1]),
+        headings,
+        length_m,
+    )
+
+
+def places_of(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> Places:
+    """Return the points of a tour at most a spacing (m) apart, for a robot that looks ahead."""
     places: list[int] = []
     along: list[float] = []
+    headings: list[float] = []
     passed = 0.0
     for (x, y), (to_x, to_y) in zip(tour.way, [*tour.way[1:], tour.way[0]], strict=True):
         length = math.dist((x, y), (to_x, to_y))
@@ -208,8 +246,9 @@ def _tour_places(
             if reach[row, col] and (not places or places[-1] != flat):
                 places.append(flat)
                 along.append(passed + share * length)
+                headings.append(math.atan2(to_y - y, to_x - x))
         passed += length
-    return np.array(places, dtype=np.int64), np.array(along), passed
+    return np.array(places, dtype=np.int64), np.array(along), np.array(headings), passed
 
 
 STRETCH = 0.05
@@ -218,18 +257,35 @@ STRETCH = 0.05
 MOST_STATIONS = 2_000
 """Stations of the largest round that knows the ways between all of them: the matrix grows with the square."""
 
+TURN = 0.4
+"""Largest angle between the headings of a station's stops, rad."""
+
+ROUNDED_M = 1e-6
+"""A place that lies so little before a look is the same, m."""
+
 NEAR = 4.0
 """Length of the ways between stations that are searched for first, in ranges of the sensor."""
 
 
 def _find_stations(
-    terrain: Terrain, places: Flat, along: NDArray[np.float64], points: Flat, place_of: Flat, range_m: float
+    terrain: Terrain,
+    places: Flat,
+    along: NDArray[np.float64],
+    headings: NDArray[np.float64],
+    points: Flat,
+    place_of: Flat,
+    range_m: float,
 ) -> tuple[Flat, Flat, NDArray[np.int32]]:
     """Put the stops of a round together into stations; return what a round says as `spots`, `begins` and `around`."""
     stops, firsts = np.unique(place_of, return_index=True)
+    facing = headings[stops] if headings.size else np.zeros(len(stops))
     heads: list[int] = []
     for number, at_m in enumerate(along[stops].tolist()):
-        if not heads or at_m - along[stops[heads[-1]]] > STRETCH * range_m:
+        if (
+            not heads
+            or at_m - along[stops[heads[-1]]] > STRETCH * range_m
+            or abs(math.remainder(facing[number] - facing[heads[-1]], math.tau)) > TURN
+        ):
             heads.append(number)
     ends = [*heads[1:], len(stops)]
     middles = [(head + end) // 2 for head, end in zip(heads, ends, strict=True)]

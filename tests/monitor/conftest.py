@@ -178,7 +178,7 @@ RUNS: dict[str, dict[str, Any]] = {
         "duration": 200,
         "robots": [BODY, {**BODY, "speed": 0.01}],
         # So that choices are free: by a plan the first one would see what the other is far from.
-        "sensor": {"angle": 350},
+        "sensor": {"quality": 0.99},
         "patrol": {"policy": "committed"},
         "faults": [{"kind": "kill", "who": "r2", "at": 195}],
     },

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from agent.policies.common_plan.stations import Ages, Group, KnownStations
     from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
-    from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Flat, Round
@@ -142,7 +141,9 @@ class Believed:
         if ages[oldest] < 0.0:
             return None
         point = divmod(int(known.points[span][oldest]), self._width)
-        return Target(point, divmod(int(stands[oldest]), self._width), max(age_of(view, point), 1))
+        stand = int(stands[oldest])
+        heading = known.heading_of(span.start + oldest, stand)
+        return Target(point, divmod(stand, self._width), max(age_of(view, point), 1), heading=heading)
 
     def _ages_of(self, view: View, some: slice) -> Ages:
         assert self._ages is not None
@@ -153,10 +154,14 @@ class Believed:
         peers = columns_of(view.peers)
         rows = np.isin(peers.numbers, list(group.robots))
         others = zip(peers.numbers[rows].tolist(), peers.places[rows].tolist(), strict=True)
-        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in others}
-        places[self._number] = view.reported.x, view.reported.y
-        robots = tuple(sorted(places))
-        spots = [places[number] for number in robots]
+        poses = {number: (x, y, 0.0) for number, (x, y) in others}
+        poses[self._number] = view.reported.x, view.reported.y, 0.0
+        if group.known.turns is not None:
+            headings = {number: view.peers[number].pose.heading for number in poses.keys() - {self._number}}
+            headings[self._number] = view.reported.heading
+            poses = {number: (x, y, headings[number]) for number, (x, y, _) in poses.items()}
+        robots = tuple(sorted(poses))
+        spots = [poses[number] for number in robots]
         question = view.fog.identity, id(group.known), self._fleet, *robots, *spots
         if view.tick not in self._worked_out:
             self._worked_out.clear()
@@ -166,7 +171,7 @@ class Believed:
         self._fleet = parts[question]
 
     def _work_out(
-        self, view: View, known: KnownStations, robots: tuple[int, ...], places: NDArray[np.float64]
+        self, view: View, known: KnownStations, robots: tuple[int, ...], poses: NDArray[np.float64]
     ) -> FleetParts:
         """Return the parts after these ones, in which each robot that has seen its station goes to another."""
         if robots not in known.drawings:
@@ -175,7 +180,7 @@ class Believed:
         drawing: Drawing = known.drawings[robots]
         before = self._fleet
         period = int(view.tick * self._step / drawing.period_s)
-        leads, assumed = drawing.leads_s(places), self._ages
+        leads, assumed = drawing.leads_s(poses), self._ages
         assert assumed is not None
         spell = int(view.tick * self._step / self._spell_s)
 

@@ -121,12 +121,15 @@ class Drawing:
         self._terrain = terrain
         self._spots = np.array([terrain.centre(*divmod(spot, terrain.width)) for spot in known.spots.tolist()])
 
-    def leads_s(self, places: NDArray[np.float64]) -> Leads:
-        """Return about how long each robot takes to each station; places are float64 (robots, 2), m."""
-        known = self._known
+    def leads_s(self, poses: NDArray[np.float64]) -> Leads:
+        """Return about how long each robot takes to each station; poses are float64 (robots, 3), x, y and heading."""
+        known, places = self._known, np.ascontiguousarray(poses[:, :2])
         around = [int(known.around[self._terrain.nearest_point(*place)]) for place in places.tolist()]
         ways_m = np.empty((len(places), len(known)))
-        guess_ways(np.ascontiguousarray(places), np.array(around), self._spots, known.apart_m, NO_WAY_M, ways_m)
+        guess_ways(places, np.array(around), self._spots, known.ways_m, NO_WAY_M, ways_m)
+        if (turns := known.turns) is not None:
+            for row, pose in enumerate(poses):
+                ways_m[row] += turns.from_pose_m(pose, ways_m[row], self._terrain.point)
         return np.ascontiguousarray(ways_m * self._paces[:, None])
 
     def begin(self, tick: int, ages: Ages, leads: Leads, draw: Draw) -> Parts:

@@ -101,6 +101,7 @@ class OnPlan:
         )
         self._missed = Missed(setup)
         self._turns_freely = spec.model == "holonomic"
+        self._looks_aside = self._turns_freely and not setup.ground.sight.all_round
         self._plans: dict[tuple[object, ...], Followed] = {}  # the latest ones
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
@@ -207,7 +208,8 @@ class OnPlan:
         poses = plan.poses(self._number, at, min(at + AHEAD, followed.until) + 1)
         planned, command = Pose(*poses[0].tolist()), plan.command(self._number, at)
         step = keep_to(view.pose, planned, command, view.spec, self._step)
-        return _make_target(view, poses[-1], step, others)
+        heading = float(poses[min(1, len(poses) - 1), 2]) if self._looks_aside else None
+        return _make_target(view, poses[-1], step, others, heading)
 
     def _meet(self, followed: Followed, view: View, others: Mapping[int, Peer] | None) -> Target | None:
         """Return the first place of the plan to which the robot gets in time; None where it would wait there."""
@@ -231,8 +233,12 @@ class OnPlan:
 
 
 def _make_target(
-    view: View, pose: NDArray[np.float64], step: Command | None, others: Mapping[int, Peer] | None
+    view: View,
+    pose: NDArray[np.float64],
+    step: Command | None,
+    others: Mapping[int, Peer] | None,
+    heading: float | None = None,
 ) -> Target:
     """Return the place of a pose of the plan as a target."""
     spot = float(pose[0]), float(pose[1])
-    return Target(view.point_of(spot), view.point_of(spot), 0, leg=Leg(spot, step, others))
+    return Target(view.point_of(spot), view.point_of(spot), 0, leg=Leg(spot, step, others, heading))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from agent.policies.common_plan.drawing import SPELL, Drawing
 from agent.policies.common_plan.robots import PlannedRobot
 from agent.policies.common_plan.stations import StationAges
+from agent.policies.gaze import look_from
 from patrol.ground.fog import Fog
-from patrol.pose import COMMANDS, Pose
+from patrol.pose import Pose, command_of, facing_of
 from patrol.radio.message import as_received
 from patrol.radio.peers import Peer
 from patrol.zones.ground import SpeedLimits
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
 
 MEMORY = 3.0
 """Time for which poses are remembered, in times between two robots on the tour. Of these one is ahead."""
+
+
+FACES = 0.05
+"""A robot faces a direction where it is at most so far beside it, rad."""
 
 
 class CommonPlan:
@@ -67,7 +72,7 @@ class CommonPlan:
             poses = self._spread_over_round(robots)
         self._robots = [PlannedRobot(setup, spec, pose, origin) for spec, pose in zip(robots, poses, strict=True)]
         size = math.ceil(MEMORY * self.interval_s / self.step) + 1
-        self._poses, self._commands = np.zeros((size, len(robots), 3)), np.zeros((size, len(robots), 2))
+        self._poses, self._commands = np.zeros((size, len(robots), 3)), np.zeros((size, len(robots), 3))
         self._note()
         self._begin()
 
@@ -105,8 +110,8 @@ class CommonPlan:
     def command(self, number: int, tick: int) -> Command:
         """Return what a robot does from a tick to the next one, which has been worked out."""
         row = self.rows[number]
-        kind = COMMANDS[self._robots[row].spec.model]
-        return kind(*self._commands[tick % len(self._commands), row].tolist())
+        first, second, facing = self._commands[tick % len(self._commands), row].tolist()
+        return command_of(self._robots[row].spec.model, first, second, None if math.isnan(facing) else facing)
 
     def advance_to(self, tick: int) -> None:
         """Work the plan out up to a tick, unless it has been."""
@@ -119,8 +124,12 @@ class CommonPlan:
         zones = zones_in_force(self._zones, self.tick * self.step)
         for robot in self._robots:
             others = {number: peer for number, peer in peers.items() if number != robot.spec.number}
+            robot.look = self._find_look(robot)
             robot.choose(self.tick, others, self._speed_limits, zones)
-        self._commands[self.tick % len(self._commands)] = [robot.command.numbers for robot in self._robots]
+        self._commands[self.tick % len(self._commands)] = [
+            (*robot.command.numbers, math.nan if (facing := facing_of(robot.command)) is None else facing)
+            for robot in self._robots
+        ]
         self.tick += 1
         for robot in self._robots:
             robot.move()
@@ -177,12 +186,32 @@ class CommonPlan:
         part.oldest = span.start + int(self._ages_s(span).argmax())
         robot.stand = int(self._known.stands[part.oldest])
 
+    def _find_look(self, robot: PlannedRobot) -> float | None:
+        """Return where a robot faces next, rad; None for any heading."""
+        part = self._parts.each[robot.spec.number]
+        if self._sight.all_round or not part.route:
+            return None
+        if robot.spec.model == "holonomic" and not robot.is_there:
+            point = divmod(int(self._known.points[part.oldest]), self._terrain.width)
+            spot = robot.heard.x, robot.heard.y
+            return look_from(self._sight, spot, point, self.tick, self._counted, self.last_seen)
+        heading = self._known.heading_of(part.oldest, robot.stand)
+        if heading is not None:
+            return heading
+        (x, y), (to_x, to_y) = (
+            self._terrain.centre(*divmod(place, self._terrain.width))
+            for place in (robot.stand, int(self._known.points[part.oldest]))
+        )
+        return math.atan2(to_y - y, to_x - x) if (x, y) != (to_x, to_y) else None
+
     def _is_done(self, robot: PlannedRobot, part: Part) -> bool:
         """Return True if a robot's station has been seen; send it on to where another part of it is seen from."""
         if not part.route:
             return False
         known = self._known
         span, is_there = known.span(part.route[0]), robot.is_there
+        if is_there and (look := self._find_look(robot)) is not None:
+            is_there = abs(math.remainder(look - robot.heard.heading, math.tau)) < FACES
         if self.tick >= part.until:
             self.last_seen.flat[known.points[span]] = self.tick
             self._seen_last_by[known.points[span]] = self.rows[robot.spec.number]
@@ -190,6 +219,8 @@ class CommonPlan:
         if is_there:
             # So each stand of the station is gone to once at most.
             shown = known.points[span][known.stands[span] == robot.stand]
+            if not self._sight.all_round:
+                shown = known.points[part.oldest : part.oldest + 1]
             self.last_seen.flat[shown], self._seen_last_by[shown] = self.tick, self.rows[robot.spec.number]
         if self._drawing.is_done(self._parts, part, self._ages_s):
             return True
@@ -198,7 +229,7 @@ class CommonPlan:
         return False
 
     def _leads_s(self) -> Leads:
-        return self._drawing.leads_s(self.places(self.tick))
+        return self._drawing.leads_s(self._poses[self.tick % len(self._poses)])
 
     def _ages_s(self, some: slice) -> Ages:
         return self._ages.of_points(some, self.tick, self._counted, self.last_seen)

@@ -41,6 +41,7 @@ class PlannedRobot:
         self.spec, self.pose, self.heard = spec, pose, as_received(pose)  # and where others hear it
         self.command: Command = halted(spec.model)  # the last one
         self.stand = -1  # the point that it drives to, flat index; -1 for none
+        self.look: float | None = None  # in which it faces there, and a holonomic robot already on its way, rad
         self._origin, self._draw = origin, setup.fleet.chance
         self._step, self._width = setup.fleet.step, setup.ground.prepared.terrain.width
         self._slower = replace(spec, speed=PACE * spec.speed)
@@ -91,8 +92,9 @@ class PlannedRobot:
             routes=self._routes,
             chance=self._chance,
         )
-        place = self._ground.terrain.centre(*divmod(self.stand, self._width))
-        command = self._body.obey(Place(*place, exact=True, gives_room=True), view).command
+        spot = self._ground.terrain.centre(*divmod(self.stand, self._width))
+        place = Place(*spot, exact=True, gives_room=True, heading=self.look)
+        command = self._body.obey(place, view).command
         self.command = slowed(command, limits.at(self.pose.x, self.pose.y, zones))
 
     def move(self) -> None:

@@ -22,6 +22,7 @@ from patrol.latest import latest
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from agent.policies.common_plan.turns import Turns
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.scenario import RobotSpec
@@ -47,6 +48,9 @@ Ages = NDArray[np.float64]
 FindWays = Callable[[NDArray[np.int64]], NDArray[np.float64]]
 """Returns how long the way from each to each of some points is, m, by their flat indices."""
 
+FindTurns = Callable[[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]], "Turns"]
+"""Returns the turns on the ways (m) between some points, by their flat indices, and the headings there, rad."""
+
 NO_WEIGHTS = np.zeros(0)
 """Given to the kernels where all points count the same."""
 
@@ -54,10 +58,21 @@ NO_WEIGHTS = np.zeros(0)
 class KnownStations:
     """The stations of a round, or of a stretch of it, and the ways between them."""
 
-    def __init__(self, laid_out: Round, find_ways: FindWays, weights: NDArray[np.float64] | None = None) -> None:
+    def __init__(
+        self,
+        laid_out: Round,
+        find_ways: FindWays,
+        weights: NDArray[np.float64] | None = None,
+        find_turns: FindTurns | None = None,
+    ) -> None:
         """Take those of a round; ``weights`` (height, width) are None where all points count alike."""
         self.points, self.stands, self.length_m = laid_out.points, laid_out.stands, laid_out.length_m
         self.spots, self.begins, self.around = laid_out.spots, laid_out.begins, laid_out.around
+        # In which each point is seen from its stand, rad; NaN: towards it. None for any heading.
+        self._headings: NDArray[np.float64] | None = None
+        if laid_out.headings.size:
+            of_place = laid_out.headings[laid_out.place_of]
+            self._headings = np.where(self.stands == laid_out.places[laid_out.place_of], of_place, np.nan)
         self.first = 0  # number in the round of the first point
         # Of each point; and by how much the weighted age of each station grows in a second, by its heaviest point.
         self.weights, self.rates = NO_WEIGHTS, np.ones(len(self))
@@ -68,13 +83,26 @@ class KnownStations:
             usual = np.sort(self.rates)[(len(self) - 1) // 2]
             self.weights, self.rates = self.weights / usual, self.rates / usual
         self.drawings: dict[tuple[int, ...], Any] = {}  # of some robots on them
-        self._find_ways, self._known_ways_m = find_ways, laid_out.apart_m
+        self._find_ways, self._known_ways_m, self._find_turns = find_ways, laid_out.apart_m, find_turns
 
     @cached_property
-    def apart_m(self) -> NDArray[np.float64]:
+    def ways_m(self) -> NDArray[np.float64]:
         """Length of the way from each station to each, m."""
         ways_m = self._known_ways_m if len(self._known_ways_m) == len(self) else self._find_ways(self.spots)
         return np.ascontiguousarray(np.minimum(ways_m, NO_WAY_M))
+
+    @cached_property
+    def turns(self) -> Turns | None:
+        """The turns on these ways; None where they cost nothing."""
+        if self._headings is None or self._find_turns is None:
+            return None
+        # The stops of a station look in nearly the same direction.
+        return self._find_turns(self.ways_m, self.spots, self._headings[self.begins[:-1]])
+
+    @cached_property
+    def apart_m(self) -> NDArray[np.float64]:
+        """Length of these ways with the turns on them, m."""
+        return self.ways_m if self.turns is None else np.minimum(self.ways_m + self.turns.between_m, NO_WAY_M)
 
     @cached_property
     def near(self) -> NDArray[np.int64]:
@@ -86,6 +114,12 @@ class KnownStations:
     def __len__(self) -> int:
         return len(self.spots)
 
+    def heading_of(self, index: int, stand: int) -> float | None:
+        """Return the heading, rad, in which a point is seen from a stand; None towards the point, or for any."""
+        if self._headings is None or self.stands[index] != stand or math.isnan(self._headings[index]):
+            return None
+        return float(self._headings[index])
+
     def span(self, station: int) -> slice:
         """Return where the points of a station are among those of the round."""
         return slice(*self.begins[station : station + 2].tolist())
@@ -96,12 +130,14 @@ class KnownStations:
         points = slice(int(self.begins[first]), int(self.begins[until]))
         part.points, part.stands, part.spots = self.points[points], self.stands[points], self.spots[first:until]
         part.begins = self.begins[first : until + 1] - self.begins[first]
+        part._headings = None if self._headings is None else self._headings[points]
         is_within = (self.around >= first) & (self.around < until)
         part.around = np.where(is_within, self.around - np.int32(first), np.int32(-1))
         part.length_m = self.length_m * (until - first) / len(self)
         part.rates, part.weights = self.rates[first:until], self.weights[points]
         part.first, part.drawings = self.first + points.start, {}
         part._find_ways, part._known_ways_m = self._find_ways, self._known_ways_m[first:until, first:until]
+        part._find_turns = self._find_turns
         return part
 
 

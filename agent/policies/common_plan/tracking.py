@@ -30,7 +30,7 @@ def keep_to(pose: Pose, planned: Pose, command: Command, spec: RobotSpec, step: 
     """
     across, up = pose.x - planned.x, pose.y - planned.y
     if isinstance(command, Velocity):
-        return Velocity(command.vx - across / step, command.vy - up / step)
+        return Velocity(command.vx - across / step, command.vy - up / step, command.facing)
     cos, sin = math.cos(planned.heading), math.sin(planned.heading)
     along, left = across * cos + up * sin, up * cos - across * sin
     askew = math.remainder(pose.heading - planned.heading, math.tau)

@@ -71,12 +71,13 @@ def test_a_robot_that_died_on_the_round_blocks_no_patrol(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("kind", "free"),
     [
-        ({"sensor.angle": 120}, True),
+        ({"sensor.angle": 120, "robots": [{"model": "car"}, {"model": "car"}]}, True),
+        ({"sensor.angle": 120}, False),
         ({"sensor.quality": 0.5}, True),
         ({"robots": [{"speed": 4.4}, {"speed": 4.4}]}, False),
         ({"robots": [{"speed": 4.4}, {"speed": 2.2}]}, False),
     ],
-    ids=["sector", "poor", "equal", "speeds"],
+    ids=["cars", "sector", "poor", "equal", "speeds"],
 )
 def test_robots_choose_freely_where_no_tour_is_seen(kind: dict[str, object], free: bool) -> None:
     scenario = open_scenario("yards", {**ROUND, "duration": 5, **kind})

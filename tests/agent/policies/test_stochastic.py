@@ -165,7 +165,7 @@ def test_a_fleet_of_several_speeds_and_bodies_draws_too() -> None:
 
 
 def test_where_there_is_no_round_each_choice_is_free() -> None:
-    robots = Robots(patrol(sensor={"range": 4.0, "kind": "sector", "angle": 90.0}))
+    robots = Robots(patrol(sensor={"range": 4.0, "quality": 0.5}))
     assert not isinstance(robots.policy(Stochastic).choice, Drawn)
     fog = robots.minds[0].belief.fog
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
@@ -198,3 +198,16 @@ def test_where_robots_are_crowded_each_choice_is_free(
     assert [station is None for station in stations_of(robots)] == [crowded] * 4
     fog = robots.minds[0].belief.fog
     robots.until(lambda: fog.seen == fog.points, 300)
+
+
+@pytest.mark.parametrize("loss", [False, True])
+@pytest.mark.parametrize("model", ["holonomic", "differential"])
+def test_a_fleet_that_looks_ahead_plans_and_sees_everything(model: str, loss: bool) -> None:
+    ready = patrol(model=model, sensor={"range": 4.0, "angle": 90.0})
+    robots = Robots(ready)
+    robots.is_lost = lambda k, sender, hearer: loss and (k + sender + hearer) % 3 > 0
+    for _ in range(500):
+        robots.tick()
+    assert all(isinstance(drawn_of(robots, robot)._choice, OnPlan) is loss for robot in range(2))
+    last_seen = np.maximum(*(mind.belief.fog.last_seen for mind in robots.minds))
+    assert (500 - last_seen[ready.fields[1].patrolled]).max() < 300

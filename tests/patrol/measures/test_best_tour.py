@@ -15,12 +15,13 @@ import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour, rounds_of
+from patrol.measures.best_tour import BestTour, PartTour, TourFinder, best_tour, rounds_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import BUILTINS, load_scenario, open_scenario
 from patrol.tours.round import ARRAYS, Round
+from tests.present import present
 
 ALIKE = (1.0, 1.0)
 
@@ -30,6 +31,7 @@ def prepared(
     radii: tuple[float, float] = (0.3, 0.3),
     speeds: tuple[float, float] = (1.0, 2.0),
     origin: tuple[float, float] = (0.0, 0.0),
+    model: str = "holonomic",
     **sensor: Any,
 ) -> Prepared:
     """Two rooms of 10 x 10 m and a robot in each."""
@@ -40,7 +42,7 @@ def prepared(
     terrain = Terrain("rooms", free, 0.5, origin=origin)
     starts = tuple(Pose(origin[0] + x, origin[1] + 5.0, 0.0) for x in (5.0, 15.0))
     robots = [
-        {"name": f"r{number}", "model": "holonomic", "radius": radius, "speed": speed}
+        {"name": f"r{number}", "model": model, "radius": radius, "speed": speed}
         for number, (radius, speed) in enumerate(zip(radii, speeds, strict=True), start=1)
     ]
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
@@ -126,9 +128,29 @@ def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
     assert metres(small.length_m) < metres(large.length_m)
 
 
-@pytest.mark.parametrize("sensor", [{"angle": 90.0}, {"quality": 0.5}])
-def test_a_sensor_that_misses_some_has_no_tour(sensor: dict[str, Any]) -> None:
-    tour = best_tour(prepared(**sensor))
+@pytest.mark.parametrize("model", ["holonomic", "differential"])
+def test_a_sensor_that_looks_ahead_has_a_longer_tour(model: str) -> None:
+    whole, sector, narrow = (best_tour(prepared(model=model, angle=angle)) for angle in (360.0, 120.0, 60.0))
+    assert metres(whole.length_m) < metres(sector.length_m) < metres(narrow.length_m)
+
+
+def test_a_car_cannot_look_aside() -> None:
+    ready = prepared(model="car", angle=120.0)
+    assert best_tour(ready).length_m is None
+    assert rounds_of(ready) == {1: None, 2: None}
+    assert TourFinder(ready).why_no_rounds == "its sensor does not look all around, and a car cannot turn on the spot"
+
+
+def test_only_a_body_that_faces_where_it_goes_is_told_where_to_look() -> None:
+    freely, ahead = (
+        present(rounds_of(prepared(model=model, angle=120.0))[1]) for model in ("holonomic", "differential")
+    )
+    assert not freely.headings.size
+    assert len(ahead.headings) == len(ahead.places)
+
+
+def test_a_sensor_that_leaves_age_has_no_tour() -> None:
+    tour = best_tour(prepared(quality=0.5))
     assert tour == BestTour(())
     assert tour.length_m is None
     assert tour.bound_s({1: 1.0}) is None

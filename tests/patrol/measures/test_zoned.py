@@ -93,11 +93,11 @@ def test_without_weights_nothing_is_zoned(zones: tuple[dict[str, Any], ...]) -> 
     assert not with_rounds(made, needed=False).zone_weights
 
 
-def test_where_the_sensor_looks_ahead_only_there_is_no_tour_and_no_wanted_age() -> None:
+def test_where_the_sensor_leaves_age_there_is_no_tour_and_no_wanted_age() -> None:
     no_tour = r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
     with pytest.raises(BadInput, match=no_tour):
-        with_rounds(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
-    made = prepared(VAULT | {"weight": 10}, sensor={"angle": 90})
+        with_rounds(prepared(VAULT | {"age": 20}, sensor={"quality": 0.5}))
+    made = prepared(VAULT | {"weight": 10}, sensor={"quality": 0.5})
     assert best_weighted_s(made, weights_of(made)) is None
 
 

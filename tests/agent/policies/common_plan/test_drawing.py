@@ -28,7 +28,9 @@ def test_routes_of_which_nothing_is_drawn_begin_along_the_round_as_long_as_robot
 ) -> None:
     drawing = drawing_of(speeds)
     size = len(drawing._known)
-    leads = drawing.leads_s(np.array([(start.x, start.y) for start in [*STARTS, Pose(2.0, 18.0, 0.0)][: len(speeds)]]))
+    leads = drawing.leads_s(
+        np.array([(start.x, start.y, 0.0) for start in [*STARTS, Pose(2.0, 18.0, 0.0)][: len(speeds)]])
+    )
     routes = drawing._follow_round(leads)
     assert sorted(station for route in routes for station in route) == list(range(size))
     for route, speed in zip(routes, speeds, strict=True):
@@ -51,7 +53,7 @@ def test_a_station_that_is_given_up_is_not_gone_to_again_at_once() -> None:
     size = len(drawing._known)
     ages = np.full(size, 100.0)
     ages[0] = 500.0
-    leads = drawing.leads_s(np.array([(STARTS[0].x, STARTS[0].y)]))
+    leads = drawing.leads_s(np.array([(STARTS[0].x, STARTS[0].y, 0.0)]))
     parts = Parts({1: Part([0, *range(1, size)])})
     drawing.draw(parts, [1], [1], 100, ages, leads, lambda *_: 0.5)
     assert parts.each[1].route[0] != 0

@@ -22,11 +22,14 @@ STARTS = [Pose(1.0, 1.0, 0.0), Pose(20.0, 6.0, 0.0)]
 
 
 def prepared(
-    model: str = "holonomic", speeds: tuple[float, ...] = (1.0, 1.0), unpredictability: float = 1.0
+    model: str = "holonomic",
+    speeds: tuple[float, ...] = (1.0, 1.0),
+    unpredictability: float = 1.0,
+    angle: float = 360.0,
 ) -> Prepared:
     robots = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6, "model": model}
     patrol = {"policy": "stochastic", "options": {"unpredictability": unpredictability}}
-    return prepared_in(two_rooms(), STARTS, robots, speeds=speeds, sensor={"range": 3.0}, patrol=patrol)
+    return prepared_in(two_rooms(), STARTS, robots, speeds=speeds, sensor={"range": 3.0, "angle": angle}, patrol=patrol)
 
 
 def plan_on(ready: Prepared, origin: int = 0, weights: NDArray[np.float64] | None = None) -> CommonPlan:
@@ -142,3 +145,20 @@ def test_what_weighs_more_is_seen_more_often() -> None:
     mean = np.mean(ages[200:], axis=0)
     patrolled = ready.patrolled
     assert mean[patrolled & (weights > 1.0)].mean() < 0.8 * mean[patrolled & (weights == 1.0)].mean()
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential"])
+def test_robots_of_the_plan_look_aside_and_see_all_ground_again_and_again(model: str) -> None:
+    ready = prepared(model, angle=90.0)
+    plan = plan_on(ready)
+    plan.advance_to(400)
+    ages = (plan.tick - plan.last_seen[ready.fields[1].patrolled]) * STEP
+    assert ages.max() < 6.0 * plan.interval_s
+    headings = plan.poses(1, 300, 400)[:, 2]
+    driven = np.diff(plan.poses(1, 300, 400)[:, :2], axis=0)
+    aside = [
+        abs(math.remainder(heading - math.atan2(up, across), math.tau)) > 1.3
+        for heading, (across, up) in zip(headings[1:].tolist(), driven.tolist(), strict=True)
+        if math.hypot(across, up) > 0.1
+    ]
+    assert any(aside) is (model == "holonomic"), "the other one faces where it drives"
