@@ -121,7 +121,7 @@ class Commitment:
 
     def _find_heading(self, view: View, target: Target, way: Way) -> float | None:
         """Return where to look, rad; None for any heading."""
-        if self._sees_all_round:
+        if self._sees_all_round or (self._sight.all_round and way.length > 0.0):
             return None
         if target.leg is not None and target.leg.heading is not None:
             return target.leg.heading
