@@ -279,9 +279,11 @@ def unpack_command(kind: int, first: float, second: float, facing: float | None 
         facing: Where a holonomic robot faces after the step, rad; no other one has it.
 
     Raises:
-        ValueError: There is no such type.
+        ValueError: There is no such type, or it is not that of a holonomic robot and has a heading.
     """
     if not 0 <= kind < len(_ON_THE_WIRE):
         raise ValueError(f"no kind of command has the number {kind}")
     command_type = _ON_THE_WIRE[kind]
+    if facing is not None and command_type is not Velocity:
+        raise ValueError(f"a {command_type.__name__} does not say where the body faces")
     return Velocity(first, second, facing) if command_type is Velocity else command_type(first, second)

@@ -27,7 +27,7 @@ from agent.routes.ground import Ground, Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Pose, Twist, wrap
+from patrol.pose import Command, Pose, Twist, halted, wrap
 from patrol.scenario import RobotSpec
 
 ASKEW = 0.8
@@ -219,12 +219,14 @@ class DifferentialBody(BodyBase):
             return self._proceed_on_manoeuvre(place.state, view) or self._come_back(view)
         spot, bend = way
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
-        is_there = place.heading is not None and view.point_of((pose.x, pose.y)) == view.point_of(spot)
-        if is_there or math.dist((pose.x, pose.y), spot) < BARELY:
-            turn = 0.0 if place.heading is None else wrap(place.heading - pose.heading)
-            return Choice(self._steering.on_the_spot(turn), place.state, bearing, goal)
+        if math.dist((pose.x, pose.y), spot) < BARELY and place.heading is None:
+            return Choice(halted(self.spec.model), place.state, bearing, goal)
         if place.wander is not None:
             return Choice(self._steering.turning(pose, place.wander), place.state, place.wander)
+        if place.heading is not None and view.point_of((pose.x, pose.y)) == view.point_of(spot):
+            # A goal ahead turns a robot too that is told places and not velocities.
+            turn = self._steering.on_the_spot(wrap(place.heading - pose.heading))
+            return Choice(turn, place.state, place.heading, self.goals.along(place.heading, *start))
         if (command := self._step_along_arcs(place, way, view)) is not None:
             return Choice(command, place.state, bearing, goal)
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))

@@ -35,6 +35,7 @@ from agent.policies.living import Living
 from patrol.errors import BadInput
 from patrol.measures.zoned import MOST_KEPT
 from patrol.scenario import CommitmentOptions, CommittedOptions, StochasticOptions
+from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.tours.round import ways_between
 from patrol.zones.spec import weighing_at
 
@@ -158,7 +159,9 @@ class Stochastic(Commitment):
         if question not in groups_by_round:
             reach = prepared.fields[widest_robot].reach
             find_ways = partial(ways_between, prepared.terrain, reach, range_m=ground.sight.range_m)
-            widest, angle = self._setup.fleet.roster[widest_robot - 1], math.radians(prepared.scenario.sensor.angle)
+            widest, sensor = self._setup.fleet.roster[widest_robot - 1], prepared.scenario.sensor
+            # The angle of a sensor of one's own is not known.
+            angle = math.radians(sensor.angle) if sensor.kind in BUILT_IN_SENSORS else 0.0
             find_turns = partial(Turns, widest.radius, angle, prepared.terrain)
             weights = self._free.zones.under(self._weighing, MARGIN)
             known = KnownStations(laid_out, find_ways, weights, find_turns)
@@ -190,5 +193,8 @@ def _find_sharing(setup: PolicySetup, shown: Flat) -> tuple[int, frozenset[int]]
     distinct = {id(shared): shared for shared in rounds.values()}
     points = np.sort(shown)
     alike = {key for key, other in distinct.items() if np.array_equal(np.sort(other.points), points)}
+    if not setup.ground.sight.all_round:
+        # Each model has rounds of its own.
+        alike = {id(rounds[setup.robot.spec.number])}
     sharing = frozenset(number for number, own in rounds.items() if id(own) in alike)
     return max(sorted(sharing), key=lambda number: setup.fleet.radii[number]), sharing

@@ -11,9 +11,9 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -91,6 +91,9 @@ _known: dict[str, Tour | None] = {}
 SHARES = (1.0, 0.7, 0.5)
 """Shares of the range of a sensor that does not look all around, for whose discs tours are searched for."""
 
+NARROWEST = 40.0
+"""Angle of the narrowest sector with tours, degrees: looks in 16 headings miss some with a narrower one."""
+
 MOST_KNOWN = 64
 """Tours that a process keeps in memory: a sweep over many buildings may need one each."""
 
@@ -159,9 +162,9 @@ def best_tour(prepared: Prepared, ground: BoolGrid | None = None) -> BestTour:
         part_ground = own.patrolled & uncovered
         uncovered &= ~own.patrolled
         if part_ground.any():
-            tour = finder.find(own, part_ground, specs[robots[0]])
+            tour = finder.find(own, part_ground, {specs[number].model for number in robots})
             speeds = {number: specs[number].speed for number in robots}
-            length_m, way = (None, ()) if tour is None else (finder.cost_m(tour, specs[robots[0]]), tour.way)
+            length_m, way = (None, ()) if tour is None else (tour.cost_m(specs[robots[0]].radius), tour.way)
             parts.append(PartTour(speeds, length_m, way))
     return BestTour(tuple(parts))
 
@@ -198,7 +201,8 @@ class TourFinder:
         self._footprint = footprint = sensor_footprint(prepared.scenario, prepared.terrain)
         identity = _sensor_identity(prepared.scenario.sensor)
         self.sees_all_round = footprint.all_round
-        self.has_tours = not footprint.leaves_age and identity is not None
+        is_wide = footprint.all_round or prepared.scenario.sensor.angle >= NARROWEST
+        self.has_tours = not footprint.leaves_age and identity is not None and is_wide
         self._identity = identity or ()
 
     @cached_property
@@ -210,31 +214,27 @@ class TourFinder:
     def why_no_rounds(self) -> str:
         """The reason that robots with such a sensor have no rounds; empty where they may have."""
         if not self.has_tours:
-            return "its sensor leaves some of a point's age, or is a class of an installed package"
+            return (
+                f"its sensor leaves some of a point's age, sees less than {NARROWEST:g} degrees, or is a class of an "
+                "installed package"
+            )
         if not self.sees_all_round and all(spec.model == "car" for spec in self._prepared.scenario.roster):
             return "its sensor does not look all around, and a car cannot turn on the spot"
         return ""
 
-    def cost_m(self, tour: Tour, spec: RobotSpec) -> float:
-        """Return the length of a tour, m, with the way that wheels drive while they turn to look aside.
+    def find(self, own: OwnGround, ground: BoolGrid, models: Collection[str]) -> Tour | None:
+        """Find a tour over a part of some robots' own ground, with looks aside where their sensor needs them.
 
-        A holonomic robot stands for a step for each look.
+        None where the part is too large for a tour, and for cars that would have to look aside. A holonomic robot looks
+        aside while it drives, so its tour is that of a sensor that sees all round.
         """
-        if spec.model == "holonomic":
-            return tour.length_m + len(tour.looks) * spec.speed * self._prepared.scenario.step
-        return tour.length_m + tour.turned * spec.radius
-
-    def find(self, own: OwnGround, ground: BoolGrid, spec: RobotSpec) -> Tour | None:
-        """Find a tour over a part of a robot's own ground, with looks aside where its sensor needs them.
-
-        None where the part is too large for a tour, and for a car that would have to look aside.
-        """
-        if self.sees_all_round:
+        if self.sees_all_round or set(models) == {"holonomic"}:
             return self._find(own, ground, 1.0, looks=False)
-        if spec.model == "car":
+        if "car" in models:
             return None
+        radius = next(s.radius for s in self._prepared.scenario.roster if self.grounds[s.number] is own)
         tours = [self._find(own, ground, share, looks=True) for share in SHARES]
-        return min((tour for tour in tours if tour is not None), key=lambda tour: self.cost_m(tour, spec), default=None)
+        return min((tour for tour in tours if tour is not None), key=lambda tour: tour.cost_m(radius), default=None)
 
     def _find(self, own: OwnGround, ground: BoolGrid, share: float, *, looks: bool) -> Tour | None:
         """Find a tour known to this process, in the cache, or by a search, for a disc of a share of the range."""
@@ -244,7 +244,7 @@ class TourFinder:
             file = _tour_file(f"{digest}.json")
             try:
                 return _read_tour(file, self.terrain, own)
-            except (OSError, ValueError, LookupError, TypeError):
+            except (OSError, ValueError, LookupError, TypeError, OverflowError, AttributeError):
                 from patrol.tours.looks import with_looks  # here: most processes need no tour
                 from patrol.tours.search import find_tour
 
@@ -269,11 +269,12 @@ class TourFinder:
         if looks_freely:
             tour, footprint = self._find(own, own.patrolled, SHARES[-1], looks=False), self._narrow(SHARES[-1])
         else:
-            tour, footprint = self.find(own, own.patrolled, spec), self._footprint
+            tour, footprint = self.find(own, own.patrolled, {spec.model}), self._footprint
         if tour is None or tour.length_m == 0.0:
             return None
         more = (SHARES[-1],) if looks_freely else ()
-        file = _tour_file(f"{self._digest(own, own.patrolled, repr(tour), *more)}.npz")
+        laid = f"Tour(length_m={tour.length_m!r}, way={tour.way!r})", *((tour.looks,) if tour.looks else ())
+        file = _tour_file(f"{self._digest(own, own.patrolled, *laid, *more)}.npz")
         return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, footprint, tour, file)
 
     def _narrow(self, share: float) -> Footprint:
@@ -306,6 +307,9 @@ def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour:
     numbers = [tour.length_m, tour.turned, *(number for look in tour.looks for number in look)]
     if not all(map(math.isfinite, numbers)) or tour.length_m < 0.0 or tour.turned < 0.0 or not tour.way:
         raise ValueError("no tour")
+    looks_m = [0.0, *(at_m for at_m, _ in tour.looks), tour.length_m]
+    if looks_m != sorted(looks_m):
+        raise ValueError("looks that are not on the tour")
     if not all(terrain.contains(*corner) and own.reach[terrain.point_at(*corner)] for corner in tour.way):
         raise ValueError("a tour of other ground")
     return tour
@@ -315,7 +319,8 @@ def _keep_tour(file: Path, tour: Tour) -> None:
     """Write a tour into the cache, if it can be written."""
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, json.dumps({name: value for name, value in asdict(tour).items() if value}))
+        aside = {} if not tour.looks else {"looks": tour.looks, "turned": tour.turned}
+        write_whole(file, json.dumps({"length_m": tour.length_m, "way": tour.way, **aside}))
 
 
 def _tour_file(name: str) -> Path:

@@ -48,6 +48,10 @@ class Tour:
     looks: tuple[tuple[float, float], ...] = ()  # aside, in order: how far along the tour, m, and the heading, rad
     turned: float = 0.0  # by which a robot turns for these, rad
 
+    def cost_m(self, radius: float) -> float:
+        """Return the length, m, with the way that the wheels of a body of a radius (m) drive while they turn."""
+        return self.length_m + self.turned * radius
+
 
 PLACES = 0.02
 """Distance of the places of a round, as a share of the sensor's range; at least one point."""

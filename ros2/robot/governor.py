@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, wrap
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
 from ros2.robot.fence import Fence, Other
 from ros2.wire import messages
 from ros2.wire.frames import apart
@@ -37,16 +37,15 @@ MOVED_M, MOVED_RAD = 0.2, 0.3
 def velocity_of(command: Command, heading: float) -> messages.Twist:
     """Return the velocity that a command stands for, in the body's frame.
 
-    A holonomic body's command is in the map's frame, so its heading there (rad) counts. The body keeps it, or turns
-    to where the command faces, in about a second.
+    A holonomic body's command is in the map's frame, so its heading there (rad) counts. The body keeps it,
+    wherever the command faces.
 
     For example, a car at 2 m/s with a curvature of 0.1 /m turns at 0.2 rad/s.
     """
     match command:
-        case Velocity(vx, vy, facing):
+        case Velocity(vx, vy):
             cos, sin = math.cos(heading), math.sin(heading)
-            turn_rate = 0.0 if facing is None else wrap(facing - heading)
-            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, turn_rate)
+            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, 0.0)
         case Twist(speed, turn_rate):
             return messages.Twist(speed, 0.0, turn_rate)
         case Drive(speed, curvature):

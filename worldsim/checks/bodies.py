@@ -15,6 +15,7 @@ from patrol.faults.kinds import Motion
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, is_halt
+from patrol.prepare import sensor_footprint
 from worldsim.checks.check import Check, robots_hit
 from worldsim.checks.ground import ClosedGround
 from worldsim.checks.statuses import ExpectedStatuses
@@ -83,7 +84,8 @@ class BodiesApart(Check):
 class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
-    A holonomic one may face anywhere after a move: where is no part of a journal.
+    Where the sensor does not look all round, a holonomic one may face anywhere after a move: a journal does not say
+    where it was told to face.
 
     Under motion faults it goes where commands and draws take it; the check `motion` judges these draws. Without one it
     does exactly as it is commanded.
@@ -102,6 +104,7 @@ class MovesAreTrue(Check):
         self._noise = MotionNoise(run.prepared.scenario, run.timeline)
         self._uneven = run.entries(Motion)
         self._due = dict(run.starts)
+        self._looks_aside = not sensor_footprint(run.prepared.scenario, run.prepared.terrain).all_round
         self._may_turn: dict[int, bool] = {}  # robots that may face anywhere at the next tick
 
     def _tick(self, record: TickRecord) -> None:
@@ -121,7 +124,9 @@ class MovesAreTrue(Check):
             moves = not row.bumped and not is_halt(driven[row.number])
             # The next tick's poses are compared with these.
             self._due[row.number] = advance(pose, driven[row.number], self._step) if moves else pose
-            self._may_turn[row.number] = spec.model == "holonomic" and row.status is Status.ALIVE and not row.bumped
+            self._may_turn[row.number] = (
+                self._looks_aside and spec.model == "holonomic" and row.status is Status.ALIVE and not row.bumped
+            )
             self._looked += 1
 
     def _end(self) -> str:

@@ -97,7 +97,14 @@ class KnownStations:
         if self._headings is None or self._find_turns is None:
             return None
         # The stops of a station look in nearly the same direction.
-        return self._find_turns(self.ways_m, self.spots, self._headings[self.begins[:-1]])
+        first = np.array([self._heading_at(station) for station in range(len(self))])
+        return self._find_turns(self.ways_m, self.spots, first)
+
+    def _heading_at(self, station: int) -> float:
+        assert self._headings is not None
+        headings = self._headings[self.span(station)]
+        known = headings[~np.isnan(headings)]
+        return float(known[0]) if known.size else math.nan
 
     @cached_property
     def apart_m(self) -> NDArray[np.float64]:

@@ -200,6 +200,12 @@ def test_where_robots_are_crowded_each_choice_is_free(
     robots.until(lambda: fog.seen == fog.points, 300)
 
 
+def test_robots_that_look_ahead_share_their_rounds_with_those_of_their_model() -> None:
+    robots = Robots(patrol(models=("holonomic", "differential"), sensor={"range": 4.0, "angle": 90.0}))
+    first, second = (robots.policy(Stochastic, robot)._sharing for robot in range(2))
+    assert (first, second) == ((1, frozenset({1})), (2, frozenset({2})))
+
+
 @pytest.mark.parametrize("loss", [False, True])
 @pytest.mark.parametrize("model", ["holonomic", "differential"])
 def test_a_fleet_that_looks_ahead_plans_and_sees_everything(model: str, loss: bool) -> None:

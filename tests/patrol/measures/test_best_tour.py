@@ -128,10 +128,39 @@ def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
     assert metres(small.length_m) < metres(large.length_m)
 
 
-@pytest.mark.parametrize("model", ["holonomic", "differential"])
-def test_a_sensor_that_looks_ahead_has_a_longer_tour(model: str) -> None:
-    whole, sector, narrow = (best_tour(prepared(model=model, angle=angle)) for angle in (360.0, 120.0, 60.0))
-    assert metres(whole.length_m) < metres(sector.length_m) < metres(narrow.length_m)
+def test_a_sensor_that_looks_ahead_has_a_longer_tour_unless_the_body_looks_aside_as_it_drives() -> None:
+    whole, sector, narrow = (
+        metres(best_tour(prepared(model="differential", angle=angle)).length_m) for angle in (360.0, 120.0, 60.0)
+    )
+    assert whole < sector < narrow
+    assert metres(best_tour(prepared(model="holonomic", angle=60.0)).length_m) == whole
+
+
+def test_a_sector_too_narrow_for_its_looks_has_no_tour() -> None:
+    assert best_tour(prepared(model="differential", angle=40.0)).length_m is not None
+    ready = prepared(model="differential", angle=39.0)
+    assert best_tour(ready).length_m is None
+    assert "sees less than 40 degrees" in TourFinder(ready).why_no_rounds
+
+
+@pytest.mark.parametrize("looks", [[[-1.0, 0.0]], [[1e9, 0.0]], [[3.0, 0.0], [2.0, 0.0]], [[10**400, 0.0]], [[1.0]], 7])
+def test_a_file_whose_looks_are_not_on_its_tour_is_made_again(
+    looks: object, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = prepared(model="differential", angle=120.0)
+    tour = best_tour(ready)
+    for file in cache.glob("*.json"):
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"looks": looks}), encoding="utf-8")
+    monkeypatch.setattr(module, "_known", {})
+    assert best_tour(ready) == tour
+
+
+def test_ground_seen_from_one_place_is_read_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ready = prepared(range=60.0, line_of_sight=False)
+    assert best_tour(ready).length_m == 0.0
+    monkeypatch.setattr(module, "_known", {})
+    monkeypatch.setattr(patrol.tours.search, "find_tour", None)
+    assert best_tour(ready).length_m == 0.0
 
 
 def test_a_car_cannot_look_aside() -> None:
