@@ -26,8 +26,7 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
     For example, ``advance(Pose(0.0, 0.0, 0.0), Twist(1.0, 0.0), 0.5)`` is ``Pose(0.5, 0.0, 0.0)``.
 
     A holonomic robot faces where it is told to, else the direction in which it moves; it keeps its heading when it
-    stands. A car and a
-    differential drive follow an exact arc; the latter may also turn on the spot.
+    stands. A car and a differential drive follow an exact arc; the latter may also turn on the spot.
     """
     match command:
         case Velocity(vx, vy, facing):

@@ -155,7 +155,7 @@ def test_a_file_whose_looks_are_not_on_its_tour_is_made_again(
     assert best_tour(ready) == tour
 
 
-def test_ground_seen_from_one_place_is_read_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ground_seen_from_one_place_is_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
     ready = prepared(range=60.0, line_of_sight=False)
     assert best_tour(ready).length_m == 0.0
     monkeypatch.setattr(module, "_known", {})
