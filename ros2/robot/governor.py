@@ -134,10 +134,10 @@ def nearer(command: Command, wanted: Command, most: float, radius: float) -> Com
     For example, from 0 to 1 m/s with at most 0.3 m/s of change it is a command of 0.3 m/s.
     """
     match command, wanted:
-        case Velocity(vx, vy), Velocity(to_x, to_y, facing):
+        case Velocity(vx, vy), Velocity(to_x, to_y):
             change = math.hypot(to_x - vx, to_y - vy)
             share = 1.0 if change <= most else most / change
-            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share, facing)
+            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share)
         case Twist(speed, turn_rate), Twist(to_speed, to_turn_rate):
             return Twist(_step_toward(speed, to_speed, most), _step_toward(turn_rate, to_turn_rate, most / radius))
         case Drive(speed, _), Drive(to_speed, curvature):
