@@ -59,6 +59,7 @@ class RclpyLink:
         store()  # says at once if it cannot be had
         self._rclpy, self.node, self._domain, self._leave = rclpy, node, domain, leave
         self._error: Exception | None = None
+        self._closing = False
         self._context = rclpy.Context()
         handlers = rclpy.signals.SignalHandlerOptions.NO  # this process has its own
         rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=handlers)
@@ -165,8 +166,11 @@ class RclpyLink:
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
         """Close it; False when that takes too long. Raises the error because of which it could hear no more."""
-        self._rclpy.try_shutdown(context=self._context)
+        self._closing = True
+        # Its thread ends first, because rclpy takes nodes apart while an executor still uses them.
+        self._executor.create_task(lambda: None)
         self._thread.join(limit_s)
+        self._rclpy.try_shutdown(context=self._context)
         if self._error is not None:
             raise self._error
         return not self._thread.is_alive()
@@ -174,7 +178,8 @@ class RclpyLink:
     def _hear_messages(self) -> None:
         """Take in messages until `close`."""
         try:
-            self._executor.spin()
+            while not self._closing:
+                self._executor.spin_once()
         except self._rclpy.executors.ExternalShutdownException:
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the process must end

@@ -129,10 +129,11 @@ def test_services_are_refused(join: Join) -> None:
 DEAF = """
 import runpy
 from rclpy.executors import SingleThreadedExecutor
-def spin(executor):
-    executor.spin_once(timeout_sec=0.0)
+spin_once = SingleThreadedExecutor.spin_once
+def spin_once_and_fail(executor):
+    spin_once(executor, timeout_sec=0.0)
     raise KeyError("publisher_gid")
-SingleThreadedExecutor.spin = spin
+SingleThreadedExecutor.spin_once = spin_once_and_fail
 runpy.run_module("ros2.robot", run_name="__main__")
 """
 

@@ -314,9 +314,15 @@ def test_a_sensor_that_fails_ends_the_run_with_one_line(shell: Shell, tmp_path: 
     path = tmp_path / "scenario.yaml"
     robots = {"count": 1, "model": "holonomic", "starts": [[60, 40]]}
     mapping = {**with_sensor(f"{failing}:Ellipse"), "terrain": {"builtin": "open"}, "robots": robots, "duration": 200}
-    path.write_text(json.dumps(mapping), encoding="utf-8")
     says = "raised ZeroDivisionError: division by zero (failing.py:"
 
+    path.write_text(json.dumps(mapping), encoding="utf-8")
+    planned = shell("run", path, "--in-process", *WITHOUT, "--out", tmp_path / "planned")
+    assert planned.code == 1  # the robot plans with looks from places ahead, and so it stops before the world fails
+    assert says in planned.err.splitlines()[-1]
+
+    mapping["patrol"] = {"policy": "potential-field"}
+    path.write_text(json.dumps(mapping), encoding="utf-8")
     one = shell("run", path, "--in-process", *WITHOUT, "--out", tmp_path / "one")
     assert one.code == 2
     assert says in one.err.splitlines()[-1]

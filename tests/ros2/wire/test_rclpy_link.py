@@ -1,6 +1,7 @@
 """The link of a node of ROS with a stand-in for rclpy: messages that come twice, late, or with little said of them."""
 
 import sys
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -29,12 +30,15 @@ def mailbox() -> RosMailbox[Bool]:
 
 
 @pytest.fixture
-def subscriptions(mailbox: RosMailbox[Bool], monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+def subscriptions(mailbox: RosMailbox[Bool], monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """The callbacks of a topic's subscriptions."""
     monkeypatch.setitem(sys.modules, "std_msgs.msg", SimpleNamespace(Bool=object))
     rclpy = MagicMock()
-    RclpyLink(rclpy, NodeName("fogwatch", "robot1"), 0, print).subscribe("stop", Bool, mailbox, LATCHED)
-    return [call.args[2] for call in rclpy.create_node.return_value.create_subscription.call_args_list]
+    rclpy.executors.ExternalShutdownException = TimeoutError
+    link = RclpyLink(rclpy, NodeName("fogwatch", "robot1"), 0, print)
+    link.subscribe("stop", Bool, mailbox, LATCHED)
+    yield [call.args[2] for call in rclpy.create_node.return_value.create_subscription.call_args_list]
+    assert link.close(PATIENCE_S)
 
 
 def taken(mailbox: RosMailbox[Bool]) -> list[tuple[bytes, int | None]]:
@@ -71,7 +75,7 @@ def test_a_link_that_can_hear_no_more_says_so_and_raises_the_error_when_it_is_cl
     rclpy = MagicMock()
     said: list[str] = []
     rclpy.executors.ExternalShutdownException = TimeoutError
-    rclpy.executors.SingleThreadedExecutor.return_value.spin.side_effect = KeyError("publisher_gid")
+    rclpy.executors.SingleThreadedExecutor.return_value.spin_once.side_effect = KeyError("publisher_gid")
     link = RclpyLink(rclpy, NodeName("fogwatch", "robot1"), 0, said.append)
     with pytest.raises(KeyError):
         link.close(PATIENCE_S)
