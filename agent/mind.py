@@ -6,7 +6,7 @@ Pure: no clock, no I/O, no randomness but draws from (seed, robot, incarnation, 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
@@ -19,6 +19,7 @@ from agent.routes.routes import Routes
 from agent.sender import Sender, Sending
 from agent.view import FogView, View
 from patrol.exchange import Sensed
+from patrol.ground.own_place import OwnPlace
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
@@ -71,9 +72,14 @@ class Mind:
         self._chance = chance
         self._obstacles = obstacles
         self._last: Command = halted(facts.spec.model)
+        self._own_place = OwnPlace(facts.step)
         self._elsewhere: Collection[int] = ()
         self.blocked = blocked
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
+
+    def locate(self, sensed: Sensed) -> Sensed:
+        """Return a tick's senses with the pose that the robot believes; once a tick, before all else."""
+        return replace(sensed, pose=self._own_place.take(sensed.k, sensed.pose, self._last, sensed.bumped))
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
         """Return a tick's frames: the position and the intruders in view; none where the fleet saves on its radio."""

@@ -33,6 +33,7 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry) -> st
     Returns None then. If the policy fails, the robot is stopped, and the reason is returned.
     """
     while (sensed := robot.sense()) is not None:
+        sensed = mind.locate(sensed)
         radio.send(mind.frames(sensed))
         frames = radio.hear()
         if frames is None:

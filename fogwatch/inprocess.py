@@ -93,8 +93,8 @@ class InProcessFleet(WithoutProcesses):
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Return the frames that every mind sends."""
         del k
-        self._sensed = reports
-        return {number: self._minds[number].frames(sensed) for number, sensed in reports.items()}
+        self._sensed = {number: self._minds[number].locate(sensed) for number, sensed in reports.items()}
+        return {number: self._minds[number].frames(sensed) for number, sensed in self._sensed.items()}
 
     def look(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, View]:
         """Let the minds hear before `phase_b` of the same tick, and return what they would decide by.

@@ -78,6 +78,7 @@ class World:
         self._carries = scenario.radio.via == "ether"
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
+        self._localised: tuple[tuple[int, float, float, float], ...] = ()
         self._to_observe: list[tuple[int, Pose]] = []
         self._speed_limits = SpeedLimits(scenario.zones, self.terrain)
         self._zones: frozenset[str] = frozenset()
@@ -113,12 +114,15 @@ class World:
         self._to_observe = [(number, body.pose) for number, body in living.items()]
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses, batteries = self.tick, self.senses, self.batteries
+        poses = {number: senses.pose(number, k, body.pose) for number, body in living.items()}
+        wrong = {number: pose for number, pose in poses.items() if pose != living[number].pose}
+        self._localised = tuple((number, pose.x, pose.y, pose.heading) for number, pose in wrong.items())
         self._zones = zones_in_force(self.scenario.zones, k * self.step)
         zones, weights = self._zones_switched()
         return {
             number: Sensed(
                 k,
-                senses.pose(number, k, body.pose),
+                poses[number],
                 body.bumped,
                 contacts[number],
                 senses.clock(number, k),
@@ -202,6 +206,7 @@ class World:
             copies=self._delivery.copies,
             delayed=self._delivery.delayed,
             forged=tuple(forged.fault for forged in self._delivery.forged),
+            localised=self._localised,
         )
         self.tick += 1
         return record

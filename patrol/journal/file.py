@@ -297,6 +297,7 @@ def _plain_record(record: Record) -> dict[str, Any]:
 
 def _plain_tick(record: TickRecord) -> dict[str, Any]:
     delivered, dropped = record.deliveries, record.dropped
+    localised = {"localised": record.localised} if record.localised else {}
     return {
         "type": "tick",
         "k": record.k,
@@ -309,6 +310,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "copies": _group_links(record.copies),
         "delayed": _group_links(record.delayed),
         "forged": record.forged,
+        **localised,
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
         "seen": record.seen,

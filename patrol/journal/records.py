@@ -252,6 +252,7 @@ class TickRecord:
         copies: Links of the frames that a fault added in this tick, and its id.
         delayed: Frames of this tick that arrive in a later one, once for each fault that delays them, and its id.
         forged: For each forged frame, in their order, the id of its fault.
+        localised: (number, x, y, heading) of the robots whose localisation was wrong: what it said (m, rad).
     """
 
     k: _Tick
@@ -267,6 +268,7 @@ class TickRecord:
     copies: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_ungroup_links)] = ()
     delayed: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_ungroup_links)] = ()
     forged: Annotated[tuple[Text, ...], FAIL_FAST] = ()
+    localised: Annotated[tuple[tuple[_RobotNumber, _Coordinate, _Coordinate, _Number], ...], FAIL_FAST] = ()
 
 
 @with_config(_NO_OTHERS)

@@ -9,6 +9,7 @@ import pytest
 
 from patrol.exchange import Reply, Sensed
 from patrol.ground.fields import StaticFields
+from patrol.ground.own_place import OwnPlace
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
@@ -46,6 +47,7 @@ class RandomFleet:
     which it is gone. heard: what arrived, by tick. done: what its hands were asked for. late: the tick before which a
     robot that is started arrives, where that is not at once; NEVER for one that never does. key: of the frames' tags.
     inboxes: what they hear with, by robot. seen: what its hands see of who is paused.
+    places: where they take themselves to be.
     """
 
     world: World
@@ -59,13 +61,19 @@ class RandomFleet:
     key: bytes | None = None
     inboxes: dict[int, Inboxes] = field(default_factory=dict)
     seen: str = ""
+    places: dict[int, OwnPlace] = field(default_factory=dict)
 
     def phase_a(self, k: int, sensed: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
+        poses = {number: self._believed(number, k, one) for number, one in sensed.items()}
         return {
-            number: (encode(Position.of(number, k, one.clock_s, one.pose), self.key), *self._contacts(k, one))
+            number: (encode(Position.of(number, k, one.clock_s, poses[number]), self.key), *self._contacts(k, one))
             for number, one in sensed.items()
             if (number, k, "A") not in self.silent
         }
+
+    def _believed(self, number: int, k: int, sensed: Sensed) -> Pose:
+        own = self.places.setdefault(number, OwnPlace(self.world.step))
+        return own.take(k, sensed.pose, self.world.bodies[number].command, sensed.bumped)
 
     def _contacts(self, k: int, sensed: Sensed) -> list[bytes]:
         return [encode(Position.of_contact(k, sensed.clock_s, x, y), self.key) for x, y in sensed.contacts]

@@ -1,4 +1,4 @@
-"""The verdict's checks of faults of senses, clocks and motion, by reports of robots and places of bodies.
+"""The verdict's checks of faults of senses, clocks and motion, by what robots are told and places of bodies.
 
 They use neither `worldsim.robots.senses` nor `worldsim.robots.noise`, which make these errors, and repeat no draw (the
 check `moves` repeats those of motion). They measure the errors, and judge whether they are as large as asked, and
@@ -17,7 +17,7 @@ from patrol.ground.swept_path import free_fraction
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU, Drive, Pose, Twist, is_halt
-from patrol.radio.message import CONTACT, MAX_TIME_MS, MRAD_PER_RAD, Position, Rejected, cm_to_m, decode, ms_to_s
+from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode, ms_to_s
 from worldsim.checks.check import FAMILY, Check, Series, first_problem
 from worldsim.checks.statuses import ExpectedStatuses
 
@@ -25,19 +25,17 @@ if TYPE_CHECKING:
     from worldsim.checks.check import JudgedRun
     from worldsim.faults import Entry
 
-ROUNDED_M = 0.00501
+ROUNDED_M = 1e-9
+"""Rounding allowed in a place, m along each axis."""
+
 ROUNDED_S = 0.000501
-ROUNDED_RAD = 0.001
-"""Rounding allowed in a frame's place (m, along each axis), time (s) and heading."""
+"""Rounding allowed in a frame's time, s."""
 
 SURE = 8.0
 """Standard deviations within which all noise of a run lies: beyond them is one draw in 10^15."""
 
-COARSE_M = 0.05
-"""Noise from which on rounding to centimetres does not change the shares of small and large draws that are counted."""
-
 LEAST = 1e-6
-"""Noise of motion below this is not told from rounding."""
+"""Noise below this is not told from rounding."""
 
 FASTEST = 2.0
 """No motion fault makes a body more than so many times as fast, or turn so many times as much, as asked."""
@@ -88,11 +86,11 @@ class _Reports:
 
 
 class SensesAsAsked(Check):
-    """Robots report the places and the times that drifts and clocks ask for, and all others the true ones.
+    """Robots are told the places, and report the times, that drifts and clocks ask for, and all others the true ones.
 
     The error is bias and growth, to the rounding. Noise is as large as configured, and as often to one side as to the
     other. A jump changes the error by its size; between jumps the error stays the same. Where several drifts of a robot
-    jump, only that it reports a place on the terrain is judged; at the terrain's edge, to a point.
+    jump, only that it is told of a place on the terrain is judged; at the terrain's edge, to a point.
     """
 
     name = "senses"
@@ -109,6 +107,12 @@ class SensesAsAsked(Check):
     def _tick(self, record: TickRecord) -> None:
         now = self._active(record.k)
         rows = {row.number: row for row in record.robots}
+        localised = {number: Pose(*pose) for number, *pose in record.localised}
+        for row in record.robots:
+            if row.status is Status.ALIVE:
+                mine = [entry for entry in now if row.number in entry.who]
+                true = Pose(row.x, row.y, row.heading)
+                self._look_at_place(record.k, true, row.number, localised.get(row.number, true), mine)
         for source, frame in record.frames:
             # A forger's frames are judged by their own check.
             if source == FORGED or source not in rows:
@@ -121,7 +125,6 @@ class SensesAsAsked(Check):
                 mine = [entry for entry in now if source in entry.who]
                 self._looked += bool(mine)
                 self._look_at_time(record.k, source, report, mine)
-                self._look_at_place(record.k, rows[source], report, mine)
 
     def _end(self) -> str:
         for number, reports in self._reports.items():
@@ -141,18 +144,14 @@ class SensesAsAsked(Check):
                 number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {expected_s:g} s"
             )
 
-    def _look_at_place(self, k: int, row: RobotTick, said: Position, mine: Sequence[Entry]) -> None:
-        x, y = cm_to_m(said.x_cm), cm_to_m(said.y_cm)
+    def _look_at_place(self, k: int, true: Pose, number: int, said: Pose, mine: Sequence[Entry]) -> None:
         x_min, y_min, x_max, y_max = self._bounds
-        if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            self._blame_robot(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
-        # The remainder also compares headings on both sides of 0.
-        if abs(math.remainder(said.heading_mrad / MRAD_PER_RAD - row.heading, TAU)) > ROUNDED_RAD:
-            self._blame_robot(
-                row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own"
-            )
+        if not (x_min <= said.x <= x_max and y_min <= said.y <= y_max):
+            self._blame_robot(number, f"is told in tick {k} of a place off the terrain: ({said.x:.2f}, {said.y:.2f})")
+        if said.heading != true.heading:
+            self._blame_robot(number, f"is told in tick {k} of the heading {said.heading:g} rad, which is not its own")
         drifts = [(entry, entry.fault) for entry in mine if isinstance(entry.fault, Drift)]
-        due_x, due_y, jumps = row.x, row.y, []
+        due_x, due_y, jumps = true.x, true.y, []
         for entry, fault in drifts:
             elapsed_s = (k - entry.begin) * self._step
             due_x += fault.bias[0] + fault.growth[0] * elapsed_s
@@ -161,8 +160,8 @@ class SensesAsAsked(Check):
                 # Rounding must not make a jump a tick late.
                 jumps.append(math.floor(elapsed_s / fault.jump.every + 1e-9))
         if len(jumps) <= 1:
-            reports = self._reports_of(row.number, drifts, sum(jumps))
-            self._compare_place(k, row.number, reports, (x, y), (due_x, due_y))
+            reports = self._reports_of(number, drifts, sum(jumps))
+            self._compare_place(k, number, reports, (said.x, said.y), (due_x, due_y))
 
     def _reports_of(self, number: int, drifts: Sequence[tuple[Entry, Drift]], jumps: int) -> _Reports:
         """Return the known error of a robot since its drifts began and since its last jump."""
@@ -199,10 +198,10 @@ class SensesAsAsked(Check):
             coordinate = min(max(expected[axis], self._bounds[axis]), self._bounds[axis + 2])
             if abs(said[axis] - coordinate) > margin + (0.0 if inland[axis] else self._point):
                 reported, wanted = (f"({x:.2f}, {y:.2f})" for x, y in (said, expected))
-                self._blame_robot(number, f"reports the place {reported} in tick {k}, but its drift asks for {wanted}")
+                self._blame_robot(number, f"is told of {reported} in tick {k}, but its drift asks for {wanted}")
         if all(inland):
             reports.now.add(said[0] - due[0], said[1] - due[1])
-            if reports.noise >= COARSE_M:
+            if reports.noise >= LEAST:
                 off = [said[axis] - expected[axis] for axis in (0, 1)]
                 hits = [*(abs(error) < MEDIAN * spread for error in off), *(error > 0.0 for error in off)]
                 for series, hit in zip(self._series, hits, strict=True):

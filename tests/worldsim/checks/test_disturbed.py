@@ -64,7 +64,7 @@ TOLD = Senses.pose
             CLOCK,
             "r1 reports the time 3 s in tick 6, but its clock shows 7 s",
         ),
-        ("pose", lambda self, number, k, true: TOLD(self, number + 1, k, true), BIAS, "r1 reports the place ("),
+        ("pose", lambda self, number, k, true: TOLD(self, number + 1, k, true), BIAS, "r1 is told of ("),
         (
             "pose",
             lambda _self, _number, k, true: Pose(true.x + k, true.y - 1.5 * k, true.heading),
