@@ -12,7 +12,7 @@ _MEMORY = 1.0 / 60.0
 """Share of the newest tick in the mean by which they are compared."""
 
 _TICKS = 20
-"""Ticks after which they are compared."""
+"""Ticks in a row in which a gain below 1 has to be better, so that a few errors that cancel do not count."""
 
 _BETTER = 0.7
 """A gain below 1 needs a mean squared error below so much of that of gain 1."""
@@ -40,6 +40,7 @@ class OwnPlace:
         self._places = [(0.0, 0.0)] * len(_GAINS)
         self._errors = [0.0] * len(_GAINS)  # mean squared errors of their predictions, m2
         self._ticks = 0  # in those means
+        self._better = 0  # ticks in a row in which a gain below 1 was better
         self._age = 0  # ticks since the places were those localised
         self._was_far = False
 
@@ -50,7 +51,7 @@ class OwnPlace:
         """
         before, self._localised = self._localised, localised
         if k != self._k + 1:
-            self._ticks = 0
+            self._ticks = self._better = 0
             self._begin(localised)
         self._k = k
         end = before if bumped else advance(before, last, self._step)
@@ -86,10 +87,9 @@ class OwnPlace:
         self._age += 1
         share = max(_MEMORY, 1.0 / self._ticks)
         self._errors = [mean + share * (new - mean) for mean, new in zip(self._errors, squares, strict=True)]
+        raw = self._errors[0]
+        self._better = self._better + 1 if raw > _STEADY_M2 and min(self._errors) < _BETTER * raw else 0
 
     def _best(self) -> int:
         """Return the number of the gain to believe."""
-        best = min(range(len(_GAINS)), key=self._errors.__getitem__)
-        raw = self._errors[0]
-        jitters = self._ticks >= _TICKS and raw > _STEADY_M2 and self._errors[best] < _BETTER * raw
-        return best if jitters else 0
+        return min(range(len(_GAINS)), key=self._errors.__getitem__) if self._better >= _TICKS else 0
