@@ -50,10 +50,11 @@ class OwnPlace:
         After a tick that is left out all begins anew.
         """
         before, self._localised = self._localised, localised
-        if k != self._k + 1:
+        follows, self._k = k == self._k + 1, k
+        if not follows:
             self._ticks = self._better = 0
             self._begin(localised)
-        self._k = k
+            return localised
         end = before if bumped else advance(before, last, self._step)
         move_x, move_y = end.x - before.x, end.y - before.y
         expected = [(x + move_x, y + move_y) for x, y in self._places]

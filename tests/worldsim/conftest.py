@@ -136,7 +136,7 @@ class RandomFleet:
 
 @dataclass(frozen=True)
 class Lab:
-    """What a test of the world needs."""
+    """A room, and worlds in it for tests."""
 
     room: Terrain
 

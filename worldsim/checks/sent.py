@@ -198,9 +198,7 @@ class FramesAreTrue(Check):
     def _believed_pose(self, row: RobotTick, k: int, true: Pose) -> Pose:
         """Return the pose that a robot believes in at tick k, which the record of the tick before leads to."""
         localised = self._senses.pose(row.number, k, true)
-        if row.status is not Status.ALIVE:
-            self._places.pop(row.number, None)
-            self._moves.pop(row.number, None)
+        if row.status is not Status.ALIVE:  # after which its place begins anew
             return localised
         own = self._places.setdefault(row.number, OwnPlace(self._step))
         last, bumped = self._moves.get(row.number, (halted(self._run.specs[row.number].model), False))
