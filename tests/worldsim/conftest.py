@@ -124,6 +124,7 @@ class RandomFleet:
     def start(self, number: int, incarnation: int) -> None:
         self.done.append((f"start {incarnation}", number))
         self.inboxes.pop(number, None)
+        self.places.pop(number, None)
 
     def arrived(self, number: int) -> bool:
         if self.late.get(number) == NEVER:

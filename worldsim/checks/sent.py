@@ -162,6 +162,10 @@ class FramesAreTrue(Check):
         expected: dict[int, Position] = {}
         sent: dict[int, Position] = {}
         contacts: dict[int, list[Position]] = {}
+        events = self._events_before(record.k)
+        for event in events:
+            if event.kind == "dead":  # a restart may begin another process in the same tick
+                self._places.pop(event.robot or NO_ROBOT, None)
         for row in record.robots:
             true = Pose(row.x, row.y, row.heading)
             time_s = self._senses.clock(row.number, record.k)
@@ -186,7 +190,7 @@ class FramesAreTrue(Check):
             self._looked += 1
         if self._waits:
             seers = [number for number, reports in contacts.items() if reports]
-            interrupted = {event.robot for event in self._events_before(record.k)}
+            interrupted = {event.robot for event in events}
             silent = self._due.missing(record.k, expected, sent, seers, interrupted)
             self._missing = [(record.k, number, "its position") for number in silent]
             self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, sent)]

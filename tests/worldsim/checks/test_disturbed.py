@@ -46,6 +46,12 @@ def test_senses_as_wrong_as_asked_for_are_valid(run: Run, faults: tuple[Fault, .
     assert failures(run(*faults, seed=seed, ticks=200)) == {}
 
 
+def test_a_process_started_anew_knows_nothing_of_earlier_noise(run: Run) -> None:
+    early, late = ({**NOISE, "at": at, "for": lasts} for at, lasts in ((2.0, 18.0), (50.0, 1.0)))
+    restart = {"kind": "restart", "who": "r2", "at": 30.0}
+    assert failures(run(early, restart, late, ticks=120)) == {}
+
+
 @pytest.mark.parametrize("fault", [BIAS, NOISE, JUMPS, BOTH])
 def test_a_drift_that_does_nothing_fails(run: Run, monkeypatch: pytest.MonkeyPatch, fault: Fault) -> None:
     monkeypatch.setattr(Senses, "pose", lambda _self, _number, _k, true: true)
