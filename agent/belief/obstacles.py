@@ -169,7 +169,11 @@ class Obstacles:
         for number, peer in belief.peers.items():
             if number not in near and peer.tick < tick:
                 near[number] = self._place_silent(number, belief, tick)
-        gaps = {other: _distance_from(pose, end, there.place) - there.reach for other, there in near.items()}
+        gaps = {
+            other: _distance_from(pose, end, there.place) - there.reach
+            for other, there in near.items()
+            if _nearest_on(pose, end, there.place) != (pose.x, pose.y)  # a move away from it is not cancelled by it
+        }
         fits = [other for other in gaps if gaps[other] <= (OFF_STRIDES * self._strides[other] if other > 0 else 0.0)]
         number = min(fits, key=lambda other: (gaps[other], other), default=min([0, *self._known]) - 1)
         if number not in near:

@@ -15,7 +15,8 @@ Where zones weigh, the ages of their points count more (`patrol.measures.zoned`)
 
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
 too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
-They are free, too, where doors may close: each robot knows of other closed doors, so none can tell what the others do.
+They are free, too, where robots know different things of what is in the way, so none can tell what the others do: where
+doors may close, and where much is lost and one has died, whose wreck stays.
 """
 
 from __future__ import annotations
@@ -108,9 +109,8 @@ class Drawn:
         living = self._living.note(view)
         if living is not self._lived and not self._is_crowded:
             self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
-        group = self._group
-        choice = self._believed if self._living.hears_well else self._on_plan
-        if group is None or not 0 < len(group.known) <= MOST_PLANNED:
+        group, choice = self._group, self._choose_by(living)
+        if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None
             return True
         if choice is not self._choice:
@@ -118,6 +118,13 @@ class Drawn:
             pursuit.target = None
         self._choice = choice
         return choice.note(view, pursuit, group)
+
+    def _choose_by(self, living: frozenset[int]) -> Believed | OnPlan | None:
+        """Return what the robot chooses by while some robots live, None for free choices."""
+        if self._living.hears_well:
+            return self._believed
+        # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.
+        return self._on_plan if self._team <= living else None
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the next target, and return the way there."""

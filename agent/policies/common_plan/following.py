@@ -3,12 +3,11 @@
 - *On the plan* it repeats the planned robot's steps, and makes up for where it is a little off.
 - *Off the plan*, as after it gave way to another one, it drives to the first place of its part where it is in time.
 - *Others* that were on the plan when they were heard last are where the plan has them, whatever has been lost since.
-- *Who lives* (`agent.policies.living`) is what is heard. When it changes, all go over to the plan of the robots that
-  live, which is the same for all that work it out, since it begins on the hour.
+- *Too slow*: a robot that falls behind again and again chooses freely until the plan begins anew, on the hour.
 
-So with nothing heard at all, a fleet that lives keeps the plan, and its robots pass each other. Choices are free while
-a plan is worked out up to now, while no way leads on, and for a robot that would wait long for the plan, as where a
-door has been closed.
+So with nothing heard at all, a fleet that lives keeps the plan, and its robots pass each other. Choices are also free
+while a plan is worked out up to now, while no way leads on, and for a robot that would wait long for the plan, as where
+a door has been closed. When another robot joins, all go over to the plan with it.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.common_plan.tracking import keep_to
 from agent.policies.pursuit import TRIES, Leg, Target
 from agent.routes.routes import Way
-from patrol.latest import latest
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
@@ -50,9 +48,6 @@ HOUR_S = 3600.0
 CATCH_UP = 20
 """Ticks of a plan that are worked out in a tick, until it is worked out for a time between two robots ahead."""
 
-MOST_PLANS = 4
-"""Plans that a robot goes on with, such as that of all robots while one is silent."""
-
 OFF = 1.0
 """A robot is on the plan where it is at most so many strides away from where the plan has it; on wheels, where the root
 of the squared distance in strides and the squared turn in rad is at most that."""
@@ -71,6 +66,9 @@ STANDS = 1e-3
 AHEAD = 4
 """Ticks ahead on the plan of the place to which a robot drives that cannot do as planned."""
 
+BEHIND = 10.0
+"""A robot that falls behind the plan twice within so many times between two robots on the tour is too slow for it."""
+
 NEAR = 0.25
 """Distance at which a robot waits for the plan, in strides."""
 
@@ -86,6 +84,8 @@ class Followed:
     done: int = 0  # the last tick of the plan at which the robot was, or which it has noted as missed
     is_on: bool = False
     was_on: bool = False
+    fell_behind: int | None = None  # the tick at which it did so last
+    is_too_fast: bool = False  # for this robot, which chooses freely from then on
 
 
 class OnPlan:
@@ -102,7 +102,7 @@ class OnPlan:
         self._missed = Missed(setup)
         self._turns_freely = spec.model == "holonomic"
         self._looks_aside = self._turns_freely and not setup.ground.sight.all_round
-        self._plans: dict[tuple[object, ...], Followed] = {}  # the latest ones
+        self._latest: tuple[tuple[object, ...], Followed] | None = None  # the latest plan, by what it follows from
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
         self.waits = False
@@ -141,20 +141,24 @@ class OnPlan:
     def _find_plan(self, view: View, group: Group) -> Followed:
         known, robots, hour = group.known, tuple(sorted(group.robots)), round(HOUR_S / self._step)
         origin = view.tick // hour * hour
-
-        def begin() -> Followed:
-            plan = self._made.get((known, robots, origin))
-            if plan is None:
-                roster = self._setup.fleet.roster
-                plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
-                self._made[known, robots, origin] = plan
-            return Followed(plan, Others(plan, self._number), origin, view.tick)
-
-        return latest(self._plans, (known, robots, origin), begin, MOST_PLANS)
+        question = known, robots, origin
+        if self._latest is not None and self._latest[0] == question:
+            return self._latest[1]
+        plan = self._made.get(question)
+        if plan is None:
+            roster = self._setup.fleet.roster
+            plan = self._made[question] = CommonPlan(
+                self._setup, known, [roster[number - 1] for number in robots], origin
+            )
+        followed = Followed(plan, Others(plan, self._number), origin, view.tick)
+        self._latest = question, followed
+        return followed
 
     def _go_on(self, followed: Followed, view: View, given_up: GivenUp) -> Target | None:
         """Return where the robot goes by the plan; None if it has not caught up, or the robot is ahead of it."""
         plan, missed, tick = followed.plan, self._missed, view.tick
+        if followed.is_too_fast:
+            return None
         missed.take_up(plan, tick)
         interval = round(plan.interval_s / self._step)
         followed.until = min(followed.until + CATCH_UP, tick + interval)
@@ -165,8 +169,13 @@ class OnPlan:
         others = followed.others.note(view)
         late = LATE if followed.is_on else MEET if followed.was_on else 0.0
         # A tick more, since a robot comes to a place somewhere between two ticks.
-        followed.at = max(followed.at, tick - round(late * interval) - 1, plan.origin)
+        earliest = tick - round(late * interval) - 1
+        is_behind = followed.is_on and followed.at < earliest
+        followed.at = max(followed.at, earliest, plan.origin)
         followed.is_on = self._find_place(followed, view)
+        if is_behind and not followed.is_on:
+            before, followed.fell_behind = followed.fell_behind, tick
+            followed.is_too_fast = before is not None and tick - before <= BEHIND * interval
         if followed.is_on:
             if not followed.was_on:
                 followed.done = followed.at

@@ -151,6 +151,14 @@ def test_a_bump_within_two_strides_of_a_silent_robot_was_into_it(off_m: float, i
     assert (discs[0][0] > 10.0) is is_it
 
 
+def test_what_a_robot_drives_away_from_does_not_explain_a_bump() -> None:
+    robot = silent_at_ten()
+    touching = Pose(8.6, 10.0, 0.0)
+    silent, other = robot.note(20, touching, Pose(7.6, 10.0, 0.0))
+    assert silent == (10.0, 10.0, 1.4)
+    assert other == pytest.approx((6.7, 10.0, 1.4))
+
+
 def test_one_that_was_not_heard_in_the_tick_of_the_bump_is_in_the_way_until_it_is() -> None:
     robot = silent_at_ten()
     assert robot.note(6) == []

@@ -16,6 +16,7 @@ from agent.policies.pursuit import Pursuit
 from agent.ports import Stay
 from agent.view import View
 from patrol.pose import MODELS, Pose
+from tests.agent.minds import STEP
 from tests.agent.plans import Robots, Says, plan, prepared_in
 from tests.agent.policies.test_stochastic import STARTS, drawn_of, patrol, plans_of
 from tests.present import present
@@ -119,12 +120,38 @@ def test_one_that_takes_another_for_dead_for_a_while_goes_on_where_it_was(monkey
     before = followed(robots)
     monkeypatch.setattr(Living, "note", lambda self, _view: frozenset({self._number}))
     robots.tick()
-    assert list(followed(robots).plan.rows) == [1]
+    assert plans_of(robots) == [None, None], "choices are free"
     monkeypatch.undo()
     monkeypatch.setattr(Living, "hears_well", HEARS_BADLY, raising=False)
     robots.tick()
     assert followed(robots) is before
     robots.until(lambda: followed(robots).is_on, 5)
+
+
+def test_one_that_falls_behind_again_chooses_freely_until_the_next_hour(monkeypatch: pytest.MonkeyPatch) -> None:
+    robots = losing(1.0)
+    robots.tick()
+    hour_s = 10.0 * followed(robots).plan.interval_s
+    monkeypatch.setattr(module, "HOUR_S", hour_s)
+    slow, fell = robots.bodies[0], list[int]()
+
+    def drive() -> None:
+        before = slow.pose
+        robots.tick()
+        if robots.k % 2 == 0:
+            slow.pose = before  # its wheels slip
+
+    while not followed(robots).is_too_fast:
+        drive()
+        if (behind := followed(robots).fell_behind) is not None and behind not in fell:
+            fell.append(behind)
+        assert robots.k * STEP < hour_s
+    assert len(fell) == 2
+    assert not followed(robots, 1).is_too_fast, "the other one keeps to the plan"
+    assert not followed(robots).is_on
+    while robots.k * STEP < hour_s:
+        drive()
+    robots.until(lambda: followed(robots).is_on, 100)
 
 
 def test_all_that_it_has_left_out_is_noted_little_by_little(monkeypatch: pytest.MonkeyPatch) -> None:
