@@ -66,7 +66,7 @@ STANDS = 1e-3
 AHEAD = 4
 """Ticks ahead on the plan of the place to which a robot drives that cannot do as planned."""
 
-BEHIND = 10.0
+BEHIND = 2.0
 """A robot that falls behind the plan twice within so many times between two robots on the tour is too slow for it."""
 
 NEAR = 0.25
