@@ -110,13 +110,15 @@ class Drawn:
         if living is not self._lived and not self._is_crowded:
             self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
         group, choice = self._group, self._choose_by(living)
-        if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
-            self._choice = None
-            return True
+        if group is None or not 0 < len(group.known) <= MOST_PLANNED:
+            choice = None
         if choice is not self._choice:
-            choice.forget()
-            pursuit.target = None
-        self._choice = choice
+            # The target may be a leg of the plan, with a step for one tick.
+            pursuit.target, self._choice = None, choice
+            if choice is not None:
+                choice.forget()
+        if choice is None or group is None:
+            return True
         return choice.note(view, pursuit, group)
 
     def _choose_by(self, living: frozenset[int]) -> Believed | OnPlan | None:
