@@ -16,7 +16,7 @@ Where zones weigh, the ages of their points count more (`patrol.measures.zoned`)
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
 too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
 They are free, too, where robots know different things of what is in the way, so none can tell what the others do: where
-doors may close, and where much is lost and one has died, whose wreck stays.
+doors may close, and where much is lost and one of them is dead, stuck or at a dock.
 """
 
 from __future__ import annotations
@@ -110,15 +110,13 @@ class Drawn:
         if living is not self._lived and not self._is_crowded:
             self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
         group, choice = self._group, self._choose_by(living)
-        if group is None or not 0 < len(group.known) <= MOST_PLANNED:
-            choice = None
-        if choice is not self._choice:
-            # The target may be a leg of the plan, with a step for one tick.
-            pursuit.target, self._choice = None, choice
-            if choice is not None:
-                choice.forget()
-        if choice is None or group is None:
+        if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
+            self._choice = None
             return True
+        if choice is not self._choice:
+            choice.forget()
+            pursuit.target = None
+        self._choice = choice
         return choice.note(view, pursuit, group)
 
     def _choose_by(self, living: frozenset[int]) -> Believed | OnPlan | None:

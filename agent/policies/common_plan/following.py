@@ -5,9 +5,9 @@
 - *Others* that were on the plan when they were heard last are where the plan has them, whatever has been lost since.
 - *Too slow*: a robot that falls behind again and again chooses freely until the plan begins anew, on the hour.
 
-So with nothing heard at all, a fleet that lives keeps the plan, and its robots pass each other. Choices are also free
+So with nothing heard at all, more than two robots that live keep the plan, and pass each other. Choices are also free
 while a plan is worked out up to now, while no way leads on, and for a robot that would wait long for the plan, as where
-a door has been closed. When another robot joins, all go over to the plan with it.
+a door has been closed. When a spare robot joins, all go over to the plan with it.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.common_plan.tracking import keep_to
 from agent.policies.pursuit import TRIES, Leg, Target
 from agent.routes.routes import Way
+from patrol.latest import latest
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ HOUR_S = 3600.0
 
 CATCH_UP = 20
 """Ticks of a plan that are worked out in a tick, until it is worked out for a time between two robots ahead."""
+
+MOST_PLANS = 4
+"""Plans that a robot goes on with, such as that without a spare robot while it is silent."""
 
 OFF = 1.0
 """A robot is on the plan where it is at most so many strides away from where the plan has it; on wheels, where the root
@@ -85,7 +89,7 @@ class Followed:
     is_on: bool = False
     was_on: bool = False
     fell_behind: int | None = None  # the tick at which it did so last
-    is_too_fast: bool = False  # for this robot, which chooses freely from then on
+    is_too_slow: bool = False  # this robot for the plan, so it chooses freely from then on
 
 
 class OnPlan:
@@ -102,7 +106,7 @@ class OnPlan:
         self._missed = Missed(setup)
         self._turns_freely = spec.model == "holonomic"
         self._looks_aside = self._turns_freely and not setup.ground.sight.all_round
-        self._latest: tuple[tuple[object, ...], Followed] | None = None  # the latest plan, by what it follows from
+        self._plans: dict[tuple[object, ...], Followed] = {}  # the latest ones
         self._followed: Followed | None = None  # the one that the robot takes part in now
         self._target: Target | None = None  # None for free choices
         self.waits = False
@@ -114,9 +118,10 @@ class OnPlan:
 
     def note(self, view: View, pursuit: Pursuit, group: Group) -> bool:
         """Go on with the plan of a group; return True if the robot chooses freely."""
-        self._followed, was_free = self._find_plan(view, group), self._target is None
+        latest_followed, was_free = self._followed, self._target is None
+        followed = self._followed = self._find_plan(view, group)
         self.waits = False
-        self._target = self._go_on(self._followed, view, pursuit.given_up)
+        self._target = self._go_on(followed, view, pursuit.given_up, goes_on=followed is latest_followed)
         target, before = self._target, pursuit.target
         if target is None:
             pursuit.target = None if not was_free else before
@@ -141,23 +146,21 @@ class OnPlan:
     def _find_plan(self, view: View, group: Group) -> Followed:
         known, robots, hour = group.known, tuple(sorted(group.robots)), round(HOUR_S / self._step)
         origin = view.tick // hour * hour
-        question = known, robots, origin
-        if self._latest is not None and self._latest[0] == question:
-            return self._latest[1]
-        plan = self._made.get(question)
-        if plan is None:
-            roster = self._setup.fleet.roster
-            plan = self._made[question] = CommonPlan(
-                self._setup, known, [roster[number - 1] for number in robots], origin
-            )
-        followed = Followed(plan, Others(plan, self._number), origin, view.tick)
-        self._latest = question, followed
-        return followed
 
-    def _go_on(self, followed: Followed, view: View, given_up: GivenUp) -> Target | None:
+        def begin() -> Followed:
+            plan = self._made.get((known, robots, origin))
+            if plan is None:
+                roster = self._setup.fleet.roster
+                plan = CommonPlan(self._setup, known, [roster[number - 1] for number in robots], origin)
+                self._made[known, robots, origin] = plan
+            return Followed(plan, Others(plan, self._number), origin, view.tick)
+
+        return latest(self._plans, (known, robots, origin), begin, MOST_PLANS)
+
+    def _go_on(self, followed: Followed, view: View, given_up: GivenUp, *, goes_on: bool) -> Target | None:
         """Return where the robot goes by the plan; None if it has not caught up, or the robot is ahead of it."""
         plan, missed, tick = followed.plan, self._missed, view.tick
-        if followed.is_too_fast:
+        if followed.is_too_slow:
             return None
         missed.take_up(plan, tick)
         interval = round(plan.interval_s / self._step)
@@ -170,12 +173,13 @@ class OnPlan:
         late = LATE if followed.is_on else MEET if followed.was_on else 0.0
         # A tick more, since a robot comes to a place somewhere between two ticks.
         earliest = tick - round(late * interval) - 1
-        is_behind = followed.is_on and followed.at < earliest
+        # A robot that comes back to the plan was not slow meanwhile.
+        is_behind = goes_on and followed.is_on and followed.at < earliest
         followed.at = max(followed.at, earliest, plan.origin)
         followed.is_on = self._find_place(followed, view)
         if is_behind and not followed.is_on:
             before, followed.fell_behind = followed.fell_behind, tick
-            followed.is_too_fast = before is not None and tick - before <= BEHIND * interval
+            followed.is_too_slow = before is not None and tick - before <= BEHIND * interval
         if followed.is_on:
             if not followed.was_on:
                 followed.done = followed.at

@@ -141,13 +141,13 @@ def test_one_that_falls_behind_again_chooses_freely_until_the_next_hour(monkeypa
         if robots.k % 2 == 0:
             slow.pose = before  # its wheels slip
 
-    while not followed(robots).is_too_fast:
+    while not followed(robots).is_too_slow:
         drive()
         if (behind := followed(robots).fell_behind) is not None and behind not in fell:
             fell.append(behind)
         assert robots.k * STEP < hour_s
     assert len(fell) == 2
-    assert not followed(robots, 1).is_too_fast, "the other one keeps to the plan"
+    assert not followed(robots, 1).is_too_slow, "the other one keeps to the plan"
     assert not followed(robots).is_on
     while robots.k * STEP < hour_s:
         drive()
