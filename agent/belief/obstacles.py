@@ -165,6 +165,8 @@ class Obstacles:
 
     def _learn(self, tick: int, pose: Pose, end: Pose, belief: Belief) -> None:
         """Learn from a bump that no robot heard explains."""
+        if (end.x, end.y) == (pose.x, pose.y):
+            return  # it stood, and something drove into it
         near = dict(self._known)
         for number, peer in belief.peers.items():
             if number not in near and peer.tick < tick:
@@ -172,7 +174,8 @@ class Obstacles:
         gaps = {
             other: _distance_from(pose, end, there.place) - there.reach
             for other, there in near.items()
-            if _nearest_on(pose, end, there.place) != (pose.x, pose.y)  # a move away from it is not cancelled by it
+            # A move away from what was met is not cancelled by it.
+            if not (there.is_met and _nearest_on(pose, end, there.place) == (pose.x, pose.y))
         }
         fits = [other for other in gaps if gaps[other] <= (OFF_STRIDES * self._strides[other] if other > 0 else 0.0)]
         number = min(fits, key=lambda other: (gaps[other], other), default=min([0, *self._known]) - 1)

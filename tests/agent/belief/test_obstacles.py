@@ -151,12 +151,24 @@ def test_a_bump_within_two_strides_of_a_silent_robot_was_into_it(off_m: float, i
     assert (discs[0][0] > 10.0) is is_it
 
 
-def test_what_a_robot_drives_away_from_does_not_explain_a_bump() -> None:
+def test_what_a_robot_has_met_and_drives_away_from_does_not_explain_a_bump() -> None:
     robot = silent_at_ten()
     touching = Pose(8.6, 10.0, 0.0)
-    silent, other = robot.note(20, touching, Pose(7.6, 10.0, 0.0))
+    robot.note(20, touching, Pose(9.6, 10.0, 0.0))
+    silent, other = robot.note(21, touching, Pose(7.6, 10.0, 0.0))
     assert silent == (10.0, 10.0, 1.4)
     assert other == pytest.approx((6.7, 10.0, 1.4))
+
+
+def test_a_robot_that_stands_learns_nothing_from_a_bump() -> None:
+    robot, here = Robot(2), Pose(8.0, 10.0, 0.0)
+    assert robot.note(0, here, Pose(8.0, 10.0, 1.0)) == []
+
+
+def test_a_silent_robot_that_was_not_met_yet_may_be_elsewhere_than_where_it_stopped() -> None:
+    robot = silent_at_ten()
+    (silent,) = robot.note(20, Pose(8.6, 10.0, 0.0), Pose(7.6, 10.0, 0.0))
+    assert silent == (10.0, 10.0, 1.4)
 
 
 def test_one_that_was_not_heard_in_the_tick_of_the_bump_is_in_the_way_until_it_is() -> None:

@@ -1,7 +1,8 @@
 """The patrol that draws: it sees everything, again and again, and somebody without its draws cannot tell where next."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from agent.chance import Chance
 from agent.policies import stochastic
+from agent.policies.common_plan import stations
 from agent.policies.common_plan.following import OnPlan
 from agent.policies.common_plan.plan import CommonPlan
 from agent.policies.stochastic import Drawn, Stochastic
@@ -16,6 +18,7 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
@@ -139,6 +142,43 @@ def test_the_others_take_over_what_a_dead_robot_had_and_it_comes_back(share: flo
         robots.tick()
     rows = [None if plan_ is None else list(plan_.rows) for plan_ in plans_of(robots)[:2]]
     assert rows == [[1, 2, 3] if share else None] * 2
+
+
+def test_where_much_is_lost_a_death_ends_the_plan_of_its_own_group_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stations, "MOST_TOGETHER", 2)
+    starts = [*STARTS, Pose(2.0, 18.0, 0.0), Pose(20.0, 14.0, 0.0)]
+    robots, dice = Robots(patrol(starts, sensor={"range": 2.0})), np.random.default_rng(1)
+    robots.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < 0.5)
+    for _ in range(100):
+        robots.tick()
+    rows = [list(present(plan_).rows) for plan_ in plans_of(robots)]
+    assert sorted({*map(tuple, rows)}) == [(1, 3), (2, 4)]
+    robots.until(lambda: plans_of(robots)[2] is None, 600, up=[1, 2, 3])
+    for _ in range(100):
+        robots.tick([1, 2, 3])
+        plans = plans_of(robots)
+        assert [None if plan_ is None else list(plan_.rows) for plan_ in plans[1:]] == [[2, 4], None, [2, 4]]
+
+
+def test_a_spare_robot_that_comes_and_goes_makes_no_plan_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, real = list[int](), CommonPlan.__init__
+
+    def make(self: CommonPlan, setup: Any, known: Any, robots: Sequence[Any], origin: int) -> None:
+        real(self, setup, known, robots, origin)
+        made.append(len(robots))
+
+    def is_shared(up: list[int]) -> bool:
+        plans = [plans_of(robots)[robot] for robot in up]
+        return all(plan_ is not None and len(plan_.rows) == len(up) for plan_ in plans)
+
+    monkeypatch.setattr(CommonPlan, "__init__", make)
+    starts = [*STARTS, Pose(2.0, 18.0, 0.0)]
+    robots, dice = Robots(patrol(starts, sensor={"range": 2.0}, spares=1)), np.random.default_rng(1)
+    robots.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < 0.5)
+    for _ in range(2):
+        for up in [0, 1, 2], [0, 1]:
+            robots.until(partial(is_shared, up), 600, up)
+    assert sorted(made) == [2, 3]
 
 
 def test_a_robot_that_was_moved_aside_comes_back_to_its_part() -> None:

@@ -113,19 +113,24 @@ def test_one_that_was_pushed_a_little_sees_what_the_plan_s_robot_sees() -> None:
     assert math.dist(planned[:2], (robots.bodies[0].pose.x, robots.bodies[0].pose.y)) < 0.02
 
 
-def test_one_that_takes_another_for_dead_for_a_while_goes_on_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("ticks", [1, 80, 300])
+def test_one_that_takes_another_for_dead_for_a_while_goes_on_where_it_was(
+    monkeypatch: pytest.MonkeyPatch, ticks: int
+) -> None:
     robots = losing(1.0)
     for _ in range(200):
         robots.tick()
     before = followed(robots)
     monkeypatch.setattr(Living, "note", lambda self, _view: frozenset({self._number}))
-    robots.tick()
-    assert plans_of(robots) == [None, None], "choices are free"
+    for _ in range(ticks):
+        robots.tick()
+        assert plans_of(robots) == [None, None], "choices are free"
     monkeypatch.undo()
     monkeypatch.setattr(Living, "hears_well", HEARS_BADLY, raising=False)
     robots.tick()
     assert followed(robots) is before
-    robots.until(lambda: followed(robots).is_on, 5)
+    robots.until(lambda: followed(robots).is_on, 5 if ticks == 1 else 200)
+    assert before.fell_behind is None, "it was not slow meanwhile"
 
 
 def test_one_that_falls_behind_again_chooses_freely_until_the_next_hour(monkeypatch: pytest.MonkeyPatch) -> None:
