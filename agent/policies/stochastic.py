@@ -16,7 +16,7 @@ Where zones weigh, the ages of their points count more (`patrol.measures.zoned`)
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
 too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
 They are free, too, where robots know different things of what is in the way, so none can tell what the others do: where
-doors may close, and where much is lost and one of their group is dead, stuck or at a dock.
+doors may close, and where much is lost and one of them is dead, stuck or at a dock.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Drawn:
         self._is_crowded = team > 1 and (ranges < shortest or (len(known) < fewest * team and ranges < LONG))
         self._believed, self._on_plan = Believed(setup, laid_out, free), OnPlan(setup, free)
         self._choice: Believed | OnPlan | None = None  # None for free choices
-        self._lived: tuple[frozenset[int], bool] | None = None  # the robots, and whether they heard each other well
+        self._lived: frozenset[int] | None = None
         self._group: Group | None = None  # of those; None for crowded robots
 
     def forget(self) -> None:
@@ -106,11 +106,11 @@ class Drawn:
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
         """Take note of a tick; return True if the robot chooses freely."""
-        lived = self._living.note(view), self._living.hears_well
-        if lived != self._lived and not self._is_crowded:
-            self._lived, self._group = lived, self._find_group(*lived)
-        group, choice = self._group, self._believed if self._living.hears_well else self._on_plan
-        if group is None or not 0 < len(group.known) <= MOST_PLANNED:
+        living = self._living.note(view)
+        if living is not self._lived and not self._is_crowded:
+            self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
+        group, choice = self._group, self._choose_by(living)
+        if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None
             return True
         if choice is not self._choice:
@@ -119,14 +119,12 @@ class Drawn:
         self._choice = choice
         return choice.note(view, pursuit, group)
 
-    def _find_group(self, living: frozenset[int], hears_well: bool) -> Group | None:
-        """Return the robot's group while some robots live, None where it has no plan."""
-        planned = living & self._robots
-        if hears_well:
-            return self._groups.find(self._number, self._team, planned)
-        group = self._groups.find(self._number, self._team, planned | self._team)
+    def _choose_by(self, living: frozenset[int]) -> Believed | OnPlan | None:
+        """Return what the robot chooses by while some robots live, None for free choices."""
+        if self._living.hears_well:
+            return self._believed
         # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.
-        return group if group.robots <= living else None
+        return self._on_plan if self._team <= living else None
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the next target, and return the way there."""
