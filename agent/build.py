@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
@@ -32,7 +33,6 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
-from patrol.changing.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
 from patrol.measures.zoned import with_rounds
 from patrol.prepare import inboxes_of, sensor_footprint
@@ -135,10 +135,8 @@ def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
-    posts = shared.posts_of(fields)
-    moves_posts = scenario.changes_ground and patrol.paths != "straight"
-    if moves_posts:
-        posts = Posts(fields.proxy)
+    # What is in a robot's way moves its posts alone.
+    posts = copy(shared.posts_of(fields))
     belief = beliefs.join(number, shared.area_of(fields, _dilation_points(scenario, terrain, lengths, kind)))
     # Where it changes, the terrain is the mind's own.
     ground = Ground(terrain, fields.reach) if scenario.changes_ground else shared.ground_of(fields).over()
@@ -183,9 +181,8 @@ def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     memory = math.floor(patrol.blocked_memory / scenario.step)
     first = math.ceil(BUMPED_S / scenario.step)
     obstacles = Obstacles(number, shared.radii, shared.strides, terrain, patience, memory, first)
-    blocked = None
-    if isinstance(sight, ChangingFootprint):
-        blocked = Blocked(sight, fields, spec.radius, memory, posts if moves_posts else None)
+    # Straight paths and regions know nothing of what is in the way.
+    blocked = Blocked(sight, fields, spec.radius, memory, posts) if patrol.paths == "wave" else None
     return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, obstacles, blocked)
 
 

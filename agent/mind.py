@@ -60,7 +60,7 @@ class Mind:
         obstacles: Obstacles,
         blocked: Blocked | None = None,
     ) -> None:
-        """Put the parts together that `agent.build` has made; `blocked` is None on ground that never changes."""
+        """Put the parts together that `agent.build` has made; `blocked` is None on straight or regional paths."""
         self.facts = facts
         self.spec = facts.spec
         self.belief = belief
@@ -141,7 +141,7 @@ class Mind:
             [*self._obstacles.closed(obstacles, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)]
         )
         if self.blocked is not None:
-            self._leave_out_blocked(self.blocked, pose)
+            self._leave_out_blocked(self.blocked, k, pose)
         return View(
             tick=k,
             time_s=k * facts.step,
@@ -179,10 +179,15 @@ class Mind:
         in_force = ((zones[number], weights.get(number, zones[number].weight)) for number in sensed.zones)
         return frozenset((zone.name, weight) for zone, weight in in_force if zone.weighs)
 
-    def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
-        """Close points believed blocked for this tick, and leave the ground behind them out of the policy's fog."""
+    def _leave_out_blocked(self, blocked: Blocked, k: int, pose: Pose) -> None:
+        """Close points believed blocked for this tick, and leave what is behind them out of the policy's fog.
+
+        So it is with the ground behind a wreck, which is closed already.
+        """
+        blocked.bar(self._obstacles.met(k))
         if blocked.area is not None:
             self._ground.close(areas=[blocked.area])
+        if blocked.is_in_the_way:
             start = self._ground.join(pose.x, pose.y)
             blocked.stand_at(None if start is None else (start[0] - 1, start[1] - 1))
         self._fog.leave_out(blocked.left_out, blocked.stands)

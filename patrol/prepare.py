@@ -71,10 +71,8 @@ class Prepared:
     # by name of the zones that weigh, as at first; empty before the same, and without any
     zone_weights: Mapping[str, float] = field(default_factory=dict)
 
-    def open_ground(self) -> OpenGround | None:
-        """Begin to follow the ground that is open to view; None where nothing ever closes."""
-        if not self.closable:
-            return None
+    def open_ground(self) -> OpenGround:
+        """Begin to follow the ground that is open to view."""
         radii, sensor = {spec.number: spec.radius for spec in self.scenario.roster}, self.scenario.sensor
         return OpenGround(self.terrain, self.patrolled, radii, sensor.range, sensor.line_of_sight)
 

@@ -9,7 +9,7 @@ Theory of operation
     For its ways the robot leaves out all points nearer to blocked ones than its planning radius. What it can reach then
     is the part of the ground that it stands in. Where it stands to see each point is found anew for this part
     (`patrol.ground.fields.proxies_of`). What it cannot see from there is *left out* of the fog that its policy sees,
-    until the belief changes.
+    until the belief changes. So it is with a wreck that the robot has bumped into, for as long as it believes it there.
 """
 
 from __future__ import annotations
@@ -24,11 +24,16 @@ from patrol.changing.ground import ChangingFootprint, faces
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.cspace import clearance_levels, needed_level, parts_of
 from patrol.ground.fields import StaticFields, proxies_of
+from patrol.ground.shapes import points_near
 from patrol.radio.message import as_received
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from agent.belief.posts import Posts
+    from agent.routes.ground import Disc
     from patrol.exchange import Sensed
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid
 
 
@@ -38,17 +43,17 @@ UNSEEN = -1
 class Blocked:
     """The points that one robot believes blocked.
 
-    `grid`, bool (h, w), has the points, and `area` is where the robot's centre may not be because of them. `left_out`,
-    bool (h, w), has the patrolled points that it cannot get to see. `stands`, int64 (h w,), is the flat index of where
-    to stand to see each point, -1 for nowhere. All but `grid` are None while nothing is believed blocked.
+    `grid`, bool (h, w), has the points, and `area` is where the robot's centre may not be because of them; None while
+    there are none. `left_out`, bool (h, w), has the patrolled points that it cannot get to see. `stands`, int64 (h w,),
+    is the flat index of where to stand to see each point, -1 for nowhere. Both are None while nothing is in its way.
     """
 
     def __init__(
-        self, footprint: ChangingFootprint, fields: StaticFields, radius: float, memory: int, posts: Posts | None = None
+        self, footprint: Footprint, fields: StaticFields, radius: float, memory: int, posts: Posts | None = None
     ) -> None:
         """Begin with nothing blocked.
 
-        `footprint` is the robot's sensor on the ground as it believes it. It is kept up to date with the belief, and so
+        `footprint` is the robot's sensor; where the ground changes it is kept up to date with the belief, and so
         are `posts`, where the policy stands to see points. A blocked point that is not seen is forgotten after `memory`
         ticks. `radius` is in m.
         """
@@ -65,10 +70,11 @@ class Blocked:
         self.stands: NDArray[np.int64] | None = None
         self._parts: NDArray[np.int32] | None = None
         self._part = 0
+        self._wrecks: Mapping[tuple[int, int], Disc] = {}
 
     def sense(self, sensed: Sensed) -> None:
         """Take in the robot's senses, before it looks around."""
-        if not sensed.blocked and self.area is None:
+        if not isinstance(self._footprint, ChangingFootprint) or (not sensed.blocked and self.area is None):
             return
         seen_at = self._seen_at.reshape(-1)
         blocked = np.array(sensed.blocked, dtype=np.int64)
@@ -90,17 +96,32 @@ class Blocked:
             self.grid = grid
             self._note_change()
 
+    def bar(self, wrecks: Mapping[tuple[int, int], Disc]) -> None:
+        """Take in the wrecks that are closed now, as `Obstacles.met` has them."""
+        if wrecks.keys() != self._wrecks.keys():
+            self._wrecks = wrecks
+            self._note_change()
+
+    @property
+    def is_in_the_way(self) -> bool:
+        """True while something is."""
+        return self.area is not None or bool(self._wrecks)
+
     def stand_at(self, point: tuple[int, int] | None) -> None:
         """Bring `left_out` up to date with the part of the ground in which the robot stands.
 
         `point` is the (row, column) on which it stands or which it joins; None for a robot that is off the ground.
         """
-        if self.area is None or point is None:
+        if not self.is_in_the_way or point is None:
             return
+        terrain = self._footprint.terrain
         if self._parts is None:
             open_now = self._fields.reach.copy()
-            top, bottom, left, right = self.area.box
-            open_now[top - 1 : bottom - 1, left - 1 : right - 1] &= ~self.area.mask
+            if self.area is not None:
+                top, bottom, left, right = self.area.box
+                open_now[top - 1 : bottom - 1, left - 1 : right - 1] &= ~self.area.mask
+            for x, y, reach in self._wrecks.values():
+                open_now &= ~points_near(terrain, (x, y), reach + 0.5 * terrain.point)
             self._parts, _ = parts_of(open_now)
             self._part = 0
         part = int(self._parts[point])
@@ -109,7 +130,6 @@ class Blocked:
             return
         self._part = part
         reached = self._parts == part
-        terrain = self._footprint.terrain
         proxy = proxies_of(terrain, reached, self._footprint.range_m, self._footprint.line_of_sight)
         proxy[~self._fields.patrolled] = -1
         self.left_out = self._fields.patrolled & ~reached & (proxy < 0)
@@ -120,9 +140,11 @@ class Blocked:
     def _note_change(self) -> None:
         self._parts = None
         if not self.grid.any():
-            self.area = self.left_out = self.stands = None
-            if self._posts is not None:
-                self._posts.move(self._fields.proxy)
+            self.area = None
+            if not self._wrecks:
+                self.left_out = self.stands = None
+                if self._posts is not None:
+                    self._posts.move(self._fields.proxy)
             return
         rows, cols = np.nonzero(self.grid)
         height, width = self.grid.shape

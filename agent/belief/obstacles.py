@@ -118,6 +118,17 @@ class Obstacles:
                 obstacle.place = _at_distance(here, obstacle.place, obstacle.reach)
         return [(*obstacle.place, obstacle.reach) for obstacle in known.values() if tick <= obstacle.until]
 
+    def met(self, tick: int) -> dict[tuple[int, int], Disc]:
+        """Return the discs that are closed because the robot has bumped into a silent one there.
+
+        They are by that one's number and the tick up to which it is closed, which change only with another bump.
+        """
+        return {
+            (number, obstacle.until): (*obstacle.place, obstacle.reach)
+            for number, obstacle in self._known.items()
+            if number > 0 and obstacle.is_met and tick <= obstacle.until
+        }
+
     def closed(self, discs: Iterable[Disc], pose: Pose) -> list[Disc]:
         """Return the discs to close because of some of `note`: half a point wider, but not over the robot's point."""
         here = self._terrain.centre(*self._terrain.nearest_point(pose.x, pose.y))

@@ -92,11 +92,9 @@ def closure_lines(prepared: Prepared) -> Iterator[str]:
         ground = ChangingTerrain(prepared.terrain)
         ground.close(closed.grid)
         open_ground, from_one_side = prepared.open_ground(), prepared.open_ground()
-        assert open_ground is not None
-        assert from_one_side is not None
-        open_ground.tick(0, ground, closed.names, places)
+        open_ground.tick(0, ground, closed.names, places, {})
         out = np.count_nonzero(open_ground.closed_out) * area
-        from_one_side.tick(0, ground, closed.names, _largest_side(prepared, ground))
+        from_one_side.tick(0, ground, closed.names, _largest_side(prepared, ground), {})
         behind = np.count_nonzero(from_one_side.closed_out) * area
         alone = [scenario.roster[number - 1].name for number in open_ground.shut_in()]
         shut_in = f"; shuts in {', '.join(alone)} at the start" if alone else ""

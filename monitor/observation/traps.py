@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
 from patrol.changing.ground import ChangingTerrain
-from patrol.journal.records import Event, Status
+from patrol.changing.open_ground import by_driver
+from patrol.journal.records import Event
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
 from runtime.messages.telemetry import FREE, TRAPPED
@@ -63,13 +64,12 @@ class TrapWatch:
         """
         if self._known is None:
             self._known = record.k
-        if self._open_ground is not None and closings is not None:
-            # Closing the ground makes its grids anew, so only on a change.
-            if closings.names(record.k) != self._closed:
-                self._closed = closings.names(record.k)
-                self._ground.close(closings.grid(record.k))
-            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
-            self._open_ground.tick(record.k, self._ground, self._closed, places)
+        # Closing the ground makes its grids anew, so only on a change.
+        if closings is not None and closings.names(record.k) != self._closed:
+            self._closed = closings.names(record.k)
+            self._ground.close(closings.grid(record.k))
+        # Whether a wreck was removed is not known here.
+        self._open_ground.tick(record.k, self._ground, self._closed, by_driver(record.robots)[0], {})
         return [self._make_event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:

@@ -1,22 +1,29 @@
-"""The ground that robots can see with what is closed now, and the ages of points while they were open to view.
+"""The ground that robots can see with what is in their way now, and the ages of points while they were open to view.
 
-A point is *closed out* while no robot gets to a place from which it could be seen, and one would with nothing closed.
-For example, when the door of a room closes behind all robots, the room is closed out until the door opens, but for what
-is in sight through a gap or a window; while one robot is inside, it is not.
+A point is *closed out* while no robot gets to a place from which it could be seen, and one would with nothing closed
+and no wreck in its way. For example, when the door of a room closes behind all robots, or one of them dies in it, the
+room is closed out until the door opens or the wreck is removed, but for what is in sight through a gap or a window;
+while one robot is inside, it is not.
 
 The *open age* of a point counts the ticks since it was last seen in which it was not closed out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.cspace import cspace_of, parts_of
+from patrol.ground.cspace import cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor, proxies_of
+from patrol.ground.shapes import points_near
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.journal.records import Status
+
+if TYPE_CHECKING:
+    from patrol.journal.records import RobotTick
 
 Place = tuple[float, float]
 """x and y in m."""
@@ -28,8 +35,8 @@ class OpenGround:
     """The ground that each robot can get to and see, tick by tick.
 
     `closed_out` marks the patrolled points that are closed out now; without robots there are none. A robot changes the
-    part of the ground that it is in only when something closes or opens, or when it appears. So nothing is computed in
-    other ticks.
+    part of the ground that it is in only when something closes or opens, when another one becomes a wreck, or when it
+    appears. So nothing is computed in other ticks.
     """
 
     def __init__(
@@ -39,30 +46,49 @@ class OpenGround:
         self._terrain, self._patrolled, self._radii = terrain, patrolled, radii
         self._sensor = range_m, line_of_sight
         self.closed_out: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
-        self._known: tuple[frozenset[str], frozenset[int]] | None = None
+        self._known: tuple[object, ...] | None = None
         self._out: dict[int, BoolGrid] = {}
         self._last_out: dict[int, NDArray[np.int32]] = {}
 
-    def tick(self, k: int, terrain: Terrain, closed: Collection[str], places: Mapping[int, Place]) -> None:
-        """Take in a tick: the ground as it is now, the names of closed parts, and the driven robots' places."""
-        state = frozenset(closed), frozenset(places)
+    def tick(
+        self,
+        k: int,
+        terrain: Terrain,
+        closed: Collection[str],
+        places: Mapping[int, Place],
+        wrecks: Mapping[int, Place],
+    ) -> None:
+        """Take in a tick: the ground as it is now, and the names of closed parts.
+
+        Of the robots in the world, `places` has those that are driven, and `wrecks` the others: dead, lost or paused.
+        """
+        state = frozenset(closed), frozenset(places), frozenset(wrecks.items())
         if state == self._known:
             return
         self._known = state
+        # Robots that could get to the same ground share their grids: there may be a thousand.
+        grids: dict[tuple[int, int], NDArray[np.int32]] = {}
         for number, out in self._out.items():
-            last_out = self._last_out.setdefault(number, np.full(out.shape, NEVER_OUT, dtype=np.int32))
-            # The state ended with the tick before this one.
-            last_out[out] = k - 1
+            last_out = self._last_out.get(number)
+            if (question := (id(last_out), id(out))) not in grids:
+                # The state ended with the tick before this one.
+                before = np.int32(NEVER_OUT) if last_out is None else last_out
+                grids[question] = np.where(out, np.int32(k - 1), before)
+            self._last_out[number] = grids[question]
         self._out = {}
-        if not closed:
+        if not closed and not wrecks:
             self.closed_out = np.zeros(terrain.shape, dtype=np.bool_)
             return
-        would, visible = self._visible_ground(self._terrain, places), self._visible_ground(terrain, places)
-        self._out = {number: self._patrolled & would[number] & ~visible[number] for number in places}
+        would, visible = self._visible_ground(self._terrain, places), self._visible_ground(terrain, places, wrecks)
+        outs: dict[tuple[int, int], BoolGrid] = {}
+        for number in places:
+            if (pair := (id(would[number]), id(visible[number]))) not in outs:
+                outs[pair] = self._patrolled & would[number] & ~visible[number]
+            self._out[number] = outs[pair]
         nobody = np.zeros(terrain.shape, dtype=np.bool_)
-        self.closed_out = np.logical_or.reduce([nobody, *self._out.values()])
+        self.closed_out = np.logical_or.reduce([nobody, *outs.values()])
         # Closed out for one robot, but another still sees it.
-        self.closed_out &= ~np.logical_or.reduce([nobody, *visible.values()])
+        self.closed_out &= ~np.logical_or.reduce([nobody, *{id(seen): seen for seen in visible.values()}.values()])
 
     def last_seen_or_out(self, number: int, k: int, last_seen: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the tick in which a robot last had no reason to go and see each point, int32 (height, width).
@@ -78,7 +104,9 @@ class OpenGround:
         half = 0.5 * np.count_nonzero(self._patrolled)
         return sorted(number for number, out in self._out.items() if np.count_nonzero(out) > half)
 
-    def _visible_ground(self, terrain: Terrain, places: Mapping[int, Place]) -> dict[int, BoolGrid]:
+    def _visible_ground(
+        self, terrain: Terrain, places: Mapping[int, Place], wrecks: Mapping[int, Place] | None = None
+    ) -> dict[int, BoolGrid]:
         """Return the points that each robot can get to and see, by number."""
         labels: dict[float, tuple[BoolGrid, NDArray[np.int32]]] = {}
         parts: dict[tuple[float, int], BoolGrid] = {}
@@ -87,6 +115,10 @@ class OpenGround:
             radius = self._radii[number]
             if radius not in labels:
                 cspace = cspace_of(terrain, radius)
+                # Robots have no sensor for a wreck, so they know its place only about, and keep a point off it.
+                needed_m = planning_radius(radius, terrain.point) + terrain.point
+                for other, at in (wrecks or {}).items():
+                    cspace = cspace & ~points_near(terrain, at, needed_m + self._radii[other])
                 labels[radius] = cspace, parts_of(cspace)[0]
             cspace, labelled = labels[radius]
             joined = anchor(terrain, cspace, *place)
@@ -97,6 +129,14 @@ class OpenGround:
                 parts[radius, part] = reach | (proxy >= 0)
             visible[number] = parts[radius, part]
         return visible
+
+
+def by_driver(rows: Iterable[RobotTick]) -> tuple[dict[int, Place], dict[int, Place]]:
+    """Return the places of the robots that are driven, and of the other ones, by number."""
+    driven, others = dict[int, Place](), dict[int, Place]()
+    for row in rows:
+        (driven if row.status is Status.ALIVE else others)[row.number] = row.x, row.y
+    return driven, others
 
 
 class OpenAges:

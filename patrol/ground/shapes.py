@@ -1,4 +1,4 @@
-"""Polygons in metres laid over the grid, never smaller than they are."""
+"""Polygons in metres laid over the grid, never smaller than they are; and discs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.terrain import BoolGrid
+from patrol.ground.terrain import BoolGrid, Terrain
 
 Polygon = Sequence[tuple[float, float]]
 """Corners (x, y) in m, in order; the last is joined to the first. It may be concave."""
@@ -140,3 +140,11 @@ def _overlapping_cells(
     first = np.floor(index * point + start + TOLERANCE).astype(np.int64)
     after = np.ceil((index + 1.0) * point + start - TOLERANCE).astype(np.int64)
     return np.clip(first, 0, cells), np.clip(after, 0, cells)
+
+
+def points_near(terrain: Terrain, place: tuple[float, float], radius: float) -> BoolGrid:
+    """Mark the points whose centres are nearer to a place than a radius, m."""
+    rows, cols = np.ogrid[: terrain.height, : terrain.width]
+    x, y = ((at - origin) / terrain.point - 0.5 for at, origin in zip(place, terrain.origin, strict=True))
+    near: BoolGrid = (rows - y) ** 2 + (cols - x) ** 2 < (radius / terrain.point) ** 2
+    return near

@@ -71,10 +71,10 @@ class Traps:
     from the last look that found nothing stale outside of its circle.
     """
 
-    def __init__(self, prepared: Prepared, open_ground: OpenGround | None = None) -> None:
+    def __init__(self, prepared: Prepared, open_ground: OpenGround) -> None:
         """Start before the first tick.
 
-        The caller keeps `open_ground` up to date in each tick; None where nothing closes.
+        The caller keeps `open_ground` up to date in each tick.
         """
         self._open_ground = open_ground
         scenario = prepared.scenario
@@ -105,9 +105,7 @@ class Traps:
                 news.append(replace(self.open.pop(number), until=k))
         terrain = self._prepared.terrain
         for number, (stay, since) in self._to_look_at(k).items():
-            grid = last_seen()
-            if self._open_ground is not None:
-                grid = self._open_ground.last_seen_or_out(number, k, grid)
+            grid = self._open_ground.last_seen_or_out(number, k, last_seen())
             stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
             if stale_point is None:
                 self._all_seen[number, stay.since] = k

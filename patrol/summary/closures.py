@@ -56,30 +56,18 @@ class ClosureTotals:
 
 
 def closure_lines(summary: Summary) -> list[str]:
-    """Describe what was closed, how much ground was closed out, and how old the other ground got."""
-    mean_s = summary.mfow_open_mean_s
-    if mean_s is None:
+    """Describe what was closed."""
+    if not summary.closures:
         return []
     closings = sum(closure.closings for closure in summary.closures.values())
     names = [name for name, closure in summary.closures.items() if closure.closings]
     longest = max(names, key=lambda name: summary.closures[name].closed_s, default="")
     longest_text = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
-    shut = f"closed out {100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time"
-    return [
-        f"open ground MFoW mean {mean_s:.1f} s, maximum {summary.mfow_open_max_s:.1f} s; {shut}",
-        f"closures    closed {closings} times{longest_text}",
-    ]
+    return [f"closures    closed {closings} times{longest_text}"]
 
 
 def closure_table(summary: Summary, scenario: Scenario, end_s: float) -> FiguresTable:
-    """Return how often and how long each closure was closed, and how old open ground got."""
+    """Return how often and how long each closure was closed."""
     del scenario, end_s
     rows = [(name, f"{closure.closings}", f"{closure.closed_s:g}") for name, closure in summary.closures.items()]
-    text = ""
-    if summary.mfow_open_mean_s is not None and summary.mfow_open_max_s is not None:
-        text = (
-            f"{100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time was closed out. While open to view, "
-            f"the stalest point was {summary.mfow_open_mean_s:.1f} s old in the mean, "
-            f"{summary.mfow_open_max_s:.1f} s at most."
-        )
-    return FiguresTable(("closure", "times closed", "closed for (s)"), rows, range(1, 3), text)
+    return FiguresTable(("closure", "times closed", "closed for (s)"), rows, range(1, 3))

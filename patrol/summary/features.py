@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from patrol.summary.batteries import BatteryTotals, battery_lines, battery_table
+from patrol.summary.closed_out import closed_out_lines, closed_out_table
 from patrol.summary.closures import ClosureTotals, closure_lines, closure_table
 from patrol.summary.intruders import IntruderTotals, intruder_lines, intruder_table
 from patrol.summary.zones import zone_lines, zone_table
@@ -48,6 +49,7 @@ class Feature:
 FEATURES = (
     Feature("zones", zone_lines, zone_table),
     Feature("closures", closure_lines, closure_table, ClosureTotals),
+    Feature("closed out", closed_out_lines, closed_out_table),
     Feature("intruders", intruder_lines, intruder_table, IntruderTotals),
     Feature("batteries", battery_lines, battery_table, BatteryTotals),
 )

@@ -63,6 +63,16 @@ class LeftOutFacts(_Part):
         return LeftOut(**self.model_dump()).text
 
 
+class ClosedOut(_Part):
+    """A time in which ground was closed out: the largest area at once, and its middle."""
+
+    since_s: float
+    until_s: float | None  # None where it was closed out to the end
+    area_m2: float
+    x: float
+    y: float
+
+
 class CheckFacts(_Part):
     """The result of one check of the verdict."""
 
@@ -404,22 +414,26 @@ class Summary(_Part):
     zones: Annotated[
         dict[str, ZoneFigures], Metric("with weighted zones only: [metrics of each](#zones) that was in force, by name")
     ] = {}
-    mfow_open_mean_s: Annotated[
+    mfow_reachable_mean_s: Annotated[
         float | None,
         Metric(
-            "with [closures](closures.md) only: mean over all ticks of the greatest age of a point, "
-            "counting the time in which it was open to view",
+            "reachable MFoW, where [ground was closed out](closures.md#figures) by a closure or a wreck: mean over all "
+            "ticks of the greatest age of a point, counting the time in which it was open to view",
             better="lower",
             sweep="once",
         ),
     ] = None
-    mfow_open_late_mean_s: Annotated[
+    mfow_reachable_late_mean_s: Annotated[
         float | None, Metric("the same over the second half", better="lower", sweep="once")
     ] = None
-    mfow_open_max_s: Annotated[float | None, Metric("largest of these", better="lower", sweep="once")] = None
+    mfow_reachable_max_s: Annotated[float | None, Metric("largest of these", better="lower", sweep="once")] = None
     closed_out_share: Annotated[
-        float | None, Metric("share of ground times time that no robot could get to see because of what was closed")
+        float | None, Metric("share of ground times time that no robot could get to see because of what was in the way")
     ] = None
+    closed_out: Annotated[
+        list[ClosedOut],
+        Metric("every time for which ground was closed out: since when, until when, and the largest area"),
+    ] = []
     closures: Annotated[
         dict[str, ClosureFigures], Metric("with closures only: how often and how long each was closed, by name")
     ] = {}

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.changing.ground import ChangingFootprint, ClosedPoints
+from patrol.changing.open_ground import by_driver
 from patrol.ground.fog import Fog
 from patrol.journal import Status
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import as_received
 from worldsim.checks.check import Check, JournalReading
+from worldsim.checks.statuses import ExpectedStatuses
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
@@ -75,21 +77,18 @@ class TrueFog(JournalReading):
 
 
 class GroundOpen(JournalReading):
-    """The ground that is open to view, tick by tick.
-
-    `open_ground` has the points that each robot can get to and see; None where nothing ever closes.
-    """
+    """The ground that is open to view, tick by tick: `open_ground` has what each robot can get to and see."""
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
-        self._ground = run.reading(ClosedGround)
+        self._ground, self._expected = run.reading(ClosedGround), run.reading(ExpectedStatuses)
         self.open_ground = run.prepared.open_ground()
 
     def tick(self, record: TickRecord) -> None:
         """Take in the places of the robots."""
-        if self.open_ground is not None:
-            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
-            self.open_ground.tick(record.k, self._ground.terrain, self._ground.closed.names, places)
+        here = [row for row in record.robots if row.number not in self._expected.away]
+        places, wrecks = by_driver(here)
+        self.open_ground.tick(record.k, self._ground.terrain, self._ground.closed.names, places, wrecks)
 
 
 class FogIsTrue(Check):

@@ -122,7 +122,7 @@ class ProgressCheck(Check):
                 assert stay is not None
                 self._stays[number] = k - since, stay
         self._seen.append(fog.seen)
-        self._was_closed_out |= self._open_ground is not None and bool(self._open_ground.closed_out.any())
+        self._was_closed_out |= bool(self._open_ground.closed_out.any())
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
             self._worst = age, self._find_stalest(record)
@@ -227,9 +227,8 @@ class ProgressCheck(Check):
 
     def _behind_closed_ground(self) -> str:
         """Return the text about the fog where ground was closed out."""
-        assert self._open_ground is not None
         missing = self._never_seen()
-        text = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
+        text = "the fog is not judged, as ground was closed out; mfow_reachable_max_s says how old open ground got"
         if not missing.any():
             return text
         area = self._run.prepared.terrain.point_area

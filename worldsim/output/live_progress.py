@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from patrol.journal import Status
+from patrol.changing.open_ground import by_driver
 from patrol.measures.progress import Trap, Traps
 from runtime.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 
@@ -32,10 +32,9 @@ class LiveProgress:
         There is a notice for each robot that is found to be trapped, or no longer is.
         """
         fog = self._world.truth.fog
-        if self._open_ground is not None:
-            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
-            ground = self._world.truth.footprint.terrain
-            self._open_ground.tick(record.k, ground, self._world.closed, places)
+        here = [row for row in record.robots if not self._world.bodies[row.number].away]
+        ground = self._world.truth.footprint.terrain
+        self._open_ground.tick(record.k, ground, self._world.closed, *by_driver(here))
         # As a function: the fog is looked at only when a robot may be trapped.
         traps = self._traps.tick(record, lambda: fog.last_seen)
         # A robot that has already stayed long in the next circle is still trapped.

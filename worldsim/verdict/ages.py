@@ -11,16 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.changing.open_ground import OpenAges
+from patrol.ground.marks import middle
+from patrol.journal import Status
 from patrol.measures.zoned import MOST_KEPT, ZonedGround, best_weighted_s, zone_weights
-from patrol.summary.model import ZoneFigures
+from patrol.summary.model import ClosedOut, ZoneFigures
 from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
 from worldsim.checks.ground import GroundOpen, TrueFog
 
 if TYPE_CHECKING:
+    from patrol.ground.terrain import BoolGrid
     from patrol.journal import TickRecord
     from patrol.measures.zoned import Weights
     from worldsim.checks.check import JudgedRun
+
+STANDING = tuple(status.name.lower() for status in (Status.DEAD, Status.LOST, Status.PAUSED))
+"""Events after which a robot's body may stand in the way of others."""
 
 Ages = NDArray[np.float64]
 """(ticks,), s: the age of the stalest point of some ground in each tick, NaN where it does not count."""
@@ -36,7 +42,7 @@ class ZoneFacts:
 
 @dataclass(frozen=True, eq=False)
 class OpenFacts:
-    """The ages of ground while it was open to view, in a run in which some closes."""
+    """The ages of ground while it was open to view, in a run in which some was not."""
 
     figures: dict[str, Any]  # entries of the summary
     ages_s: Ages  # greatest open age in each tick
@@ -147,7 +153,7 @@ class ZoneAges(JournalReading):
 
 
 class AgesOpen(JournalReading):
-    """The ages of the ground while it was open to view, tick by tick."""
+    """The ages of the ground while it was open to view, tick by tick; and when some was not."""
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
@@ -158,27 +164,47 @@ class AgesOpen(JournalReading):
         grounds = {z.name: points_of(z, run.prepared.terrain).reshape(-1)[self._ages.points] for z in self._zones}
         self._grounds = {name: ground for name, ground in grounds.items() if ground.any()}
         self._in_zones: dict[str, list[float]] = {name: [] for name in self._grounds}
+        self._spells: list[ClosedOut] = []  # without the one that goes on
+        self._spell: ClosedOut | None = None
+        self._closed_out: BoolGrid | None = None
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Return True if parts of the ground close."""
-        return run.prepared.scenario.changes_ground
+        """Return True if parts of the ground close, or bodies without a driver may bar a way."""
+        return run.prepared.scenario.changes_ground or any(event.kind in STANDING for event in run.journal.events)
 
     def tick(self, record: TickRecord) -> None:
         """Look at the fog after the tick's observations."""
-        assert self._open_ground is not None
         self._ages.tick(record.k, self._open_ground.closed_out, self._fog.last_seen)
+        if self._open_ground.closed_out is not self._closed_out:
+            self._closed_out = self._open_ground.closed_out
+            self._note_closed_out(record.k, self._closed_out)
         in_force = zones_in_force(self._zones, record.k * self._step)
         for name, ground in self._grounds.items():
             self._in_zones[name].append(float(self._ages.now[ground].max()) if name in in_force else np.nan)
 
     def facts(self) -> OpenFacts | None:
-        """Return the figures; None before the first tick."""
+        """Return the figures; None before the first tick, and where nothing closes and no way was barred."""
         ages = np.array(self._ages.greatest) * self._step
-        if not ages.size:
+        spells = [*self._spells, *([self._spell] if self._spell else [])]
+        if not ages.size or not (spells or self._run.prepared.scenario.changes_ground):
             return None
-        figures = _age_figures("mfow_open", ages) | {"closed_out_share": float(np.mean(self._ages.closed_share))}
+        figures: dict[str, Any] = _age_figures("mfow_reachable", ages)
+        figures |= {"closed_out_share": float(np.mean(self._ages.closed_share))}
+        figures |= {"closed_out": [spell.document() for spell in spells]}
         return OpenFacts(figures, ages, {name: np.array(zone) * self._step for name, zone in self._in_zones.items()})
+
+    def _note_closed_out(self, k: int, closed_out: BoolGrid) -> None:
+        terrain, spell = self._run.prepared.terrain, self._spell
+        if not closed_out.any():
+            self._spells += [] if spell is None else [spell.model_copy(update={"until_s": k * self._step})]
+            self._spell = None
+            return
+        area_m2 = float(np.count_nonzero(closed_out) * terrain.point_area)
+        if spell is None or area_m2 > spell.area_m2:
+            x, y = middle(closed_out, terrain)
+            since_s = k * self._step if spell is None else spell.since_s
+            self._spell = ClosedOut(since_s=since_s, until_s=None, area_m2=area_m2, x=x, y=y)
 
 
 def _age_figures(name: str, ages_s: Ages) -> dict[str, float]:

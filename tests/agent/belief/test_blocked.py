@@ -101,3 +101,24 @@ def test_a_full_list_says_nothing_of_the_points_that_it_leaves_out(
     blocked.sense(Sensed(0, BEFORE, blocked=box))
     blocked.sense(Sensed(1, BEFORE, blocked=(DOOR * MOST_BLOCKED)[:reported]))
     assert blocked.grid.reshape(-1)[list(box)].any() == stays
+
+
+def test_what_is_behind_a_wreck_is_left_out_while_it_is_believed_there() -> None:
+    """On ground that never changes; the wreck stands in the doorway."""
+    fields = compute_fields(TERRAIN, 0.4, 10.0, True, [BEFORE])
+    posts = Posts(fields.proxy)
+    blocked = Blocked(footprint_of(TERRAIN, 10.0), fields, 0.4, MEMORY, posts)
+    blocked.sense(Sensed(0, BEFORE))
+    blocked.stand_at((5, 5))
+    assert blocked.left_out is None
+    blocked.bar({(2, 30): (14.5, 5.5, 1.2)})
+    blocked.stand_at((5, 5))
+    assert blocked.left_out is not None
+    assert blocked.left_out[0, 15]
+    assert blocked.left_out[10, 15]
+    assert not blocked.left_out[:, :14].any()
+    assert not blocked.left_out[5, 15:20].any(), "in sight through the doorway"
+    assert posts.stands[5, 17] % 30 < 14
+    blocked.bar({})
+    assert blocked.left_out is None
+    assert posts.stands[5, 17] == 5 * 30 + 17

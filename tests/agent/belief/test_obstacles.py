@@ -165,7 +165,7 @@ def test_a_robot_that_stands_learns_nothing_from_a_bump() -> None:
     assert robot.note(0, here, Pose(8.0, 10.0, 1.0)) == []
 
 
-def test_a_silent_robot_that_was_not_met_yet_may_be_elsewhere_than_where_it_stopped() -> None:
+def test_a_bump_away_from_a_silent_robot_that_was_not_met_yet_is_laid_to_it() -> None:
     robot = silent_at_ten()
     (silent,) = robot.note(20, Pose(8.6, 10.0, 0.0), Pose(7.6, 10.0, 0.0))
     assert silent == (10.0, 10.0, 1.4)
@@ -222,3 +222,21 @@ def test_a_robot_heard_late_is_expected_where_it_drives_and_after_a_bump_where_i
         assert robot.place_of(tick, 2) == (17.9, 10.0)
     robot.hear(23, (2, (18.2, 10.0)), sent=19)
     assert robot.place_of(23, 2)[0] == pytest.approx(18.2 + 4 * 0.2)
+
+
+def test_a_silent_robot_counts_as_met_from_a_bump_until_it_is_open_again() -> None:
+    robot = silent_at_ten()
+    assert robot.obstacles.met(20) == {}
+    robot.note(20, Pose(8.5, 10.0, 0.0), Pose(9.5, 10.0, 0.0))
+    ((number, until),) = robot.obstacles.met(20)
+    assert (number, until) == (2, 20 + MEMORY)
+    assert robot.obstacles.met(until).keys() == {(2, until)}
+    assert robot.obstacles.met(until + 1) == {}
+    robot.note(until + 1, Pose(8.5, 10.0, 0.0), Pose(9.5, 10.0, 0.0))
+    assert robot.obstacles.met(until + 1).keys() == {(2, until + 1 + 2 * MEMORY)}
+
+
+def test_something_unknown_is_no_wreck() -> None:
+    robot = Robot(2)
+    robot.note(0, Pose(8.0, 10.0, 0.0), Pose(9.0, 10.0, 0.0))
+    assert robot.obstacles.met(0) == {}

@@ -62,12 +62,12 @@ def test_ground_behind_a_wall_is_closed_out_and_reported() -> None:
     assert outcome.verdict.valid, outcome.verdict.failed
     summary = outcome.summary
     assert summary.closed_out_share is not None
-    assert summary.mfow_open_max_s is not None
+    assert summary.mfow_reachable_max_s is not None
     assert summary.mfow_max_s is not None
     assert 0.3 < summary.closed_out_share < 0.7
     assert summary.mfow_max_s > 230.0
     assert summary.best_tour_s is not None
-    assert summary.mfow_open_max_s < 4.0 * summary.best_tour_s
+    assert summary.mfow_reachable_max_s < 4.0 * summary.best_tour_s
     assert not outcome.verdict.warnings
     said = next(check.detail for check in outcome.verdict.checks if check.name == "progress")
     assert "are closed out at the end" in said

@@ -38,31 +38,53 @@ def closed(prepared: Prepared) -> Terrain:
 
 def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
     ground = open_ground_of(halves)
-    ground.tick(0, halves.terrain, (), {1: WEST})
+    ground.tick(0, halves.terrain, (), {1: WEST}, {})
     assert not ground.closed_out.any()
-    ground.tick(1, closed(halves), {"wall"}, {1: WEST})
+    ground.tick(1, closed(halves), {"wall"}, {1: WEST}, {})
     assert ground.closed_out[40, 80]
     assert not ground.closed_out[40, 20]
     assert not ground.closed_out[40, 49]  # beside the wall, in sight from where a body fits
     assert ground.closed_out[40, 50]
-    ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST})
+    ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST}, {})
     assert not ground.closed_out[40, 80]
     assert ground.closed_out[40, 50]
-    ground.tick(3, closed(halves), {"wall"}, {})
+    ground.tick(3, closed(halves), {"wall"}, {}, {})
     assert not ground.closed_out.any(), "nor is anything without robots"
-    ground.tick(4, closed(halves), {"wall"}, {1: WEST})
+    ground.tick(4, closed(halves), {"wall"}, {1: WEST}, {})
     assert ground.closed_out.any()
-    ground.tick(5, halves.terrain, (), {1: WEST})
+    ground.tick(5, halves.terrain, (), {1: WEST}, {})
+    assert not ground.closed_out.any()
+
+
+def test_ground_behind_a_wreck_is_closed_out_as_behind_a_door(halves: Prepared) -> None:
+    """The wall has a gap of 6 m, which a row of wrecks fills."""
+    points = ClosedPoints(halves.closable, halves.terrain)
+    points.take(Event(0, "closed", None, "wall"))
+    shut = points.grid.copy()
+    shut[40:46] = False
+    gap, wrecks = ChangingTerrain(halves.terrain), {2: (50.5, 41.0), 3: (50.5, 43.0), 4: (50.5, 45.0)}
+    gap.close(shut)
+    radii = dict.fromkeys((1, 2, 3, 4), 0.4)
+    ground = OpenGround(gap, halves.patrolled, radii, 10.0, line_of_sight=True)
+    ground.tick(0, gap, (), {1: WEST}, {2: wrecks[2]})
+    assert not ground.closed_out.any(), "there is a way past it"
+    ground.tick(1, gap, (), {1: WEST}, wrecks)
+    assert ground.closed_out[40, 80]
+    assert not ground.closed_out[42, 53], "in sight past them"
+    assert not ground.closed_out[40, 20]
+    ground.tick(2, gap, (), {1: WEST, 2: EAST}, {3: wrecks[3], 4: wrecks[4]})
+    assert not ground.closed_out[40, 80], "there is a robot behind"
+    ground.tick(3, gap, (), {1: WEST}, {})
     assert not ground.closed_out.any()
 
 
 def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
     ground, seen = open_ground_of(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
     both = {1: WEST, 2: EAST}
-    ground.tick(5, closed(halves), {"wall"}, both)
+    ground.tick(5, closed(halves), {"wall"}, both, {})
     now = ground.last_seen_or_out(1, 8, seen)
     assert (now[40, 80], now[40, 20]) == (8, 3)
-    ground.tick(10, halves.terrain, (), both)
+    ground.tick(10, halves.terrain, (), both, {})
     later = ground.last_seen_or_out(1, 12, seen)
     assert (later[40, 80], later[40, 20]) == (9, 3)
 
@@ -112,7 +134,7 @@ def test_a_robot_that_can_see_half_of_the_ground_is_not_shut_in(
     patrolled[60, 80 if behind == 51 else 20] = True
     fields = {number: replace(of_body, patrolled=patrolled) for number, of_body in halves.fields.items()}
     ground = open_ground_of(replace(halves, fields=fields))
-    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    ground.tick(0, closed(halves), {"wall"}, {1: WEST}, {})
     assert ground.shut_in() == shut_in
 
 

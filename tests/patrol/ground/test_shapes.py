@@ -1,10 +1,12 @@
+import math
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon, box
 
-from patrol.ground.shapes import TOLERANCE, cover
-from patrol.ground.terrain import BoolGrid
+from patrol.ground.shapes import TOLERANCE, cover, points_near
+from patrol.ground.terrain import BoolGrid, Terrain
 
 SHAPE = (9, 12)
 ORIGIN = (-1.0, 0.5)
@@ -76,3 +78,13 @@ def test_each_point_is_covered_as_if_it_were_looked_at_alone(
 ) -> None:
     for origin in ((0.0, 0.0), (-0.7, 1.3)):
         assert np.array_equal(cover(polygon, shape, point, origin), by_every_point(polygon, shape, point, origin))
+
+
+@given(place=places, radius=st.floats(0.0, 5.0))
+def test_points_near_a_place_are_those_whose_centres_are(place: tuple[float, float], radius: float) -> None:
+    terrain = Terrain("field", np.ones(SHAPE, dtype=np.bool_), 0.5, origin=ORIGIN)
+    near = points_near(terrain, place, radius)
+    for row, col in np.ndindex(SHAPE):
+        away = math.dist(terrain.centre(row, col), place)
+        if abs(away - radius) > 1e-9:
+            assert near[row, col] == (away < radius)

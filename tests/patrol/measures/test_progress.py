@@ -45,7 +45,7 @@ LEFT, RIGHT = Pose(5.0, 5.0, 0.0), Pose(30.0, 5.0, 0.0)
 
 def test_a_robot_that_stays_while_the_other_room_is_stale_is_trapped_until_it_leaves() -> None:
     ready = prepared(rooms(), LEFT)
-    traps, seen = Traps(ready), np.zeros(ready.terrain.shape, dtype=np.int32)
+    traps, seen = Traps(ready, ready.open_ground()), np.zeros(ready.terrain.shape, dtype=np.int32)
     found = []
     for k in range(1000):
         seen[:, :40] = k
@@ -68,7 +68,7 @@ def test_a_robot_that_stays_while_the_other_room_is_stale_is_trapped_until_it_le
 
 def test_a_trap_is_over_when_all_outside_has_been_seen_and_the_time_counts_anew() -> None:
     ready = prepared(rooms(), LEFT)
-    traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
+    traps, seen = Traps(ready, ready.open_ground()), np.full(ready.terrain.shape, -1, dtype=np.int32)
     found = []
     for k in range(1300):
         seen[:, :40] = k
@@ -90,7 +90,7 @@ def test_a_trap_is_over_when_all_outside_has_been_seen_and_the_time_counts_anew(
 )
 def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int, times: Sequence[int]) -> None:
     ready = prepared(rooms(), LEFT)
-    traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
+    traps, seen = Traps(ready, ready.open_ground()), np.full(ready.terrain.shape, -1, dtype=np.int32)
     asked: list[int] = []
 
     def last_seen() -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
@@ -117,7 +117,7 @@ def test_what_a_robot_cannot_get_to_does_not_trap_it(doors: bool) -> None:
     assert bool(second[5, 10]) is doors
     assert first[5, 10]
     assert second[5, 60]
-    traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
+    traps, seen = Traps(ready, ready.open_ground()), np.full(ready.terrain.shape, -1, dtype=np.int32)
     found = []
     for k in range(400):
         seen[:, :40] = k

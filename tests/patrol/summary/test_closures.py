@@ -30,25 +30,15 @@ def test_a_closing_after_the_last_tick_takes_no_time() -> None:
     assert found == {"door": {"closings": 1, "closed_s": 0.0}, "box": {"closings": 0, "closed_s": 0.0}}
 
 
-def test_lines_and_table_say_what_was_closed_longest_and_how_old_open_ground_got() -> None:
+def test_lines_and_table_say_what_was_closed_longest() -> None:
     closures = {
         "door": ClosureFigures(closings=3, closed_s=4.5),
         "gate": ClosureFigures(closings=1, closed_s=9.5),
         "never": ClosureFigures(),
     }
-    summary = Summary(mfow_open_mean_s=12.34, mfow_open_max_s=56.78, closed_out_share=0.0125, closures=closures)
-    assert closure_lines(summary) == [
-        "open ground MFoW mean 12.3 s, maximum 56.8 s; closed out 1.2 % of ground x time",
-        "closures    closed 4 times, gate longest, 9.5 s",
-    ]
-    table = closure_table(summary, load_scenario({"terrain": {"builtin": "open"}}), 60.0)
+    assert closure_lines(Summary(closures=closures)) == ["closures    closed 4 times, gate longest, 9.5 s"]
+    table = closure_table(Summary(closures=closures), load_scenario({"terrain": {"builtin": "open"}}), 60.0)
     assert table.rows == [("door", "3", "4.5"), ("gate", "1", "9.5"), ("never", "0", "0")]
     assert [table.heads[column] for column in table.numbers] == ["times closed", "closed for (s)"]
-    assert table.text == (
-        "1.2 % of ground x time was closed out. While open to view, the stalest point was 12.3 s old in the mean, "
-        "56.8 s at most."
-    )
-    idle = summary.model_copy(update={"closures": {"never": ClosureFigures()}})
-    assert closure_lines(idle)[1] == "closures    closed 0 times"
-    assert closure_lines(Summary(closures=closures)) == []
-    assert closure_table(Summary(closures=closures), load_scenario({"terrain": {"builtin": "open"}}), 60.0).text == ""
+    assert closure_lines(Summary(closures={"never": ClosureFigures()})) == ["closures    closed 0 times"]
+    assert closure_lines(Summary()) == []

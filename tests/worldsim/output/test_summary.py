@@ -53,7 +53,14 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
 
 
 WITH_ZONES = {"mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s", "best_weighted_s", "zones"}
-WITH_CLOSURES = {"mfow_open_mean_s", "mfow_open_late_mean_s", "mfow_open_max_s", "closed_out_share", "closures"}
+WITH_CLOSURES = {
+    "mfow_reachable_mean_s",
+    "mfow_reachable_late_mean_s",
+    "mfow_reachable_max_s",
+    "closed_out_share",
+    "closed_out",
+    "closures",
+}
 ON_SOME_GROUND = {"patrolled_vertices", "nodes"}
 OTHERS = {"intruders", "refused", "deadlines", "direct", "exit_codes"}
 IN_SOME_RUNS = OTHERS | ON_SOME_GROUND | WITH_ZONES | WITH_CLOSURES

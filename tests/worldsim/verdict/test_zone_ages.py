@@ -92,15 +92,15 @@ def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> 
     ages_s = verdict.open_ages.ages_s
     assert ages_s.shape == (40,)
     assert ages_s[0] == 0.0
-    assert summary.mfow_open_mean_s == pytest.approx(ages_s.sum() / 40)
-    assert summary.mfow_open_late_mean_s == pytest.approx(ages_s[20:].sum() / 20)
-    assert summary.mfow_open_max_s == max(ages_s)
+    assert summary.mfow_reachable_mean_s == pytest.approx(ages_s.sum() / 40)
+    assert summary.mfow_reachable_late_mean_s == pytest.approx(ages_s[20:].sum() / 20)
+    assert summary.mfow_reachable_max_s == max(ages_s)
     ground, shut = world.prepared.open_ground(), ChangingTerrain(world.terrain)
     assert ground is not None
     points = ClosedPoints(world.prepared.closable, world.terrain)
     points.take(Event(8, CLOSED, None, "room"))
     shut.close(points.grid)
-    ground.tick(8, shut, {"room"}, {1: (journal.records[8].robots[0].x, journal.records[8].robots[0].y)})
+    ground.tick(8, shut, {"room"}, {1: (journal.records[8].robots[0].x, journal.records[8].robots[0].y)}, {})
     out = np.count_nonzero(ground.closed_out) / np.count_nonzero(world.prepared.patrolled)
     assert out > 0.3
     assert summary.closed_out_share == pytest.approx(out * 16 / 40)
