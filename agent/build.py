@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
@@ -136,7 +135,7 @@ def build_mind(shared: Shared, number: int, incarnation: int = 1) -> Mind:
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
     # What is in a robot's way moves its posts alone.
-    posts = copy(shared.posts_of(fields))
+    posts = shared.posts_of(fields).own()
     belief = beliefs.join(number, shared.area_of(fields, _dilation_points(scenario, terrain, lengths, kind)))
     # Where it changes, the terrain is the mind's own.
     ground = Ground(terrain, fields.reach) if scenario.changes_ground else shared.ground_of(fields).over()

@@ -63,7 +63,9 @@ class Blocked:
         self._level = needed_level(radius, footprint.terrain.point)
         self._margin = int(np.ceil(np.sqrt(self._level))) // 2 + 2
         self._memory = memory
-        self._seen_at: NDArray[np.int32] = np.full(footprint.terrain.shape, UNSEEN, dtype=np.int32)
+        # A grid for each robot of a large fleet takes much memory, so there is none where nothing changes.
+        shape = footprint.terrain.shape if isinstance(footprint, ChangingFootprint) else (0, 0)
+        self._seen_at: NDArray[np.int32] = np.full(shape, UNSEEN, dtype=np.int32)
         self.grid: BoolGrid = np.zeros(footprint.terrain.shape, dtype=np.bool_)
         self.area: Area | None = None
         self.left_out: BoolGrid | None = None

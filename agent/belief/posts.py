@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,12 @@ class Posts:
     def __init__(self, proxy: NDArray[np.int32]) -> None:
         """Sort the points by post, from `StaticFields.proxy`: int32 (h, w), flat indices of posts, -1 for none."""
         self.move(proxy)
+
+    def own(self) -> Posts:
+        """Return posts of a robot's own, which share all grids with these until they move."""
+        own = copy(self)
+        own._stands = self.stands
+        return own
 
     def move(self, proxy: NDArray[np.int32]) -> None:
         """Take other posts, for ground on which something is believed blocked."""

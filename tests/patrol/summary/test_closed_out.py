@@ -1,4 +1,4 @@
-"""What is told of ground that was closed out."""
+"""The lines and the table about ground that was closed out."""
 
 from patrol.scenario import load_scenario
 from patrol.summary.closed_out import closed_out_lines, closed_out_table
