@@ -122,7 +122,7 @@ class FogView:
         self.stands = stands
         if points is not self.left_out:
             self.left_out = points
-            self._belief.shared.leave_out(points, self.posts)
+            self._belief.leave_out(points, self.posts)
             self.patrolled = _read_only(self._whole if points is None else self._whole & ~points)
 
     def mfow(self, tick: int) -> int:

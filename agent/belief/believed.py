@@ -201,6 +201,17 @@ class Belief:
         """Return where a robot has stopped that is not heard any more: a step after its last position."""
         return self._beliefs.straight_on.pose(self.peers.moving(number), 1)
 
+    def leave_out(self, points: BoolGrid | None, posts: Posts) -> None:
+        """Spread no staleness of some points, and that of others by other posts; None for no points.
+
+        Others may believe other points left out, so the mind parts with its group.
+        """
+        if len(self.shared.members) > 1:
+            self.shared.members.discard(self.number)
+            self.shared = self.shared.fork()
+            self.shared.members.add(self.number)
+        self.shared.leave_out(points, posts)
+
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
         """Return those of some peers that were heard at a tick or later."""
         if isinstance(peers, Peers):

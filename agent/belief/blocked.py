@@ -127,7 +127,9 @@ class Blocked:
             self._parts, _ = parts_of(open_now)
             self._part = 0
         part = int(self._parts[point])
-        # 0: it stands where no centre may be, such as on a point just closed, and what it knew still helps.
+        if part == 0 and self._part == 0:
+            # It stands where no centre may be, such as right beside a wreck, and gets out the nearest way.
+            part = _nearest_part(self._parts, point)
         if part in (0, self._part):
             return
         self._part = part
@@ -159,3 +161,12 @@ class Blocked:
         away = np.zeros(self.grid.shape, dtype=np.bool_)
         away[top:bottom, left:right] = close
         self.area = Area(away)
+
+
+def _nearest_part(parts: NDArray[np.int32], point: tuple[int, int]) -> int:
+    """Return the part that begins nearest to a point; 0 where there are no parts."""
+    rows, cols = np.nonzero(parts)
+    if not rows.size:
+        return 0
+    nearest = int(((rows - point[0]) ** 2 + (cols - point[1]) ** 2).argmin())
+    return int(parts[rows[nearest], cols[nearest]])

@@ -201,8 +201,10 @@ class Obstacles:
         if tick > obstacle.until:
             obstacle.spell = min(2 * obstacle.spell, MOST_SPELLS * self._memory)
         obstacle.until = tick + obstacle.spell
-        if gaps.get(number, 0.0) > 0.0:
-            obstacle.place = _at_distance(_nearest_on(pose, end, obstacle.place), obstacle.place, obstacle.reach)
+        # Contact came about half-way.
+        middle = Pose(0.5 * (pose.x + end.x), 0.5 * (pose.y + end.y), pose.heading)
+        if _distance_from(pose, middle, obstacle.place) > obstacle.reach:
+            obstacle.place = _at_distance(_nearest_on(pose, middle, obstacle.place), obstacle.place, obstacle.reach)
 
 
 def _find_contact(pose: Pose, end: Pose, reach: float) -> Spot:

@@ -122,3 +122,14 @@ def test_what_is_behind_a_wreck_is_left_out_while_it_is_believed_there() -> None
     blocked.bar({})
     assert blocked.left_out is None
     assert posts.stands[5, 17] == 5 * 30 + 17
+
+
+@pytest.mark.parametrize(("col", "side"), [(13, 15), (15, 13)])
+def test_a_robot_right_beside_a_wreck_gets_out_on_its_side(col: int, side: int) -> None:
+    """It stands where no centre may be, so what it sees from the other side is left out."""
+    fields = compute_fields(TERRAIN, 0.4, 10.0, True, [BEFORE])
+    blocked = Blocked(footprint_of(TERRAIN, 10.0), fields, 0.4, MEMORY, Posts(fields.proxy))
+    blocked.bar({(2, 30): (14.5, 5.5, 1.6)})
+    blocked.stand_at((5, col))
+    assert blocked.left_out is not None
+    assert blocked.left_out[0, side]

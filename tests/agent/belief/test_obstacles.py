@@ -108,10 +108,10 @@ def test_a_silent_robot_is_in_the_way_until_forgotten_and_for_longer_after_each_
 
 def test_a_bump_moves_a_silent_robot_to_where_it_agrees_with_it() -> None:
     robot = silent_at_ten()
-    # From (10, 10) towards (11, 6.9), where the cancelled move would have led, until the two would touch.
-    share = 1.4 / math.hypot(1.0, 3.1)
+    # From (10, 10) towards (11, 6.45), the middle of the cancelled move, until the two would touch.
+    share = 1.4 / math.hypot(1.0, 3.55)
     ((x, y, reach),) = robot.note(20, Pose(11.0, 6.0, 0.0), Pose(11.0, 6.9, 0.0))
-    assert (x, y) == pytest.approx((11.0 - share * 1.0, 6.9 + share * 3.1), abs=1e-3)
+    assert (x, y) == pytest.approx((11.0 - share * 1.0, 6.45 + share * 3.55), abs=1e-3)
     x, y, reach = robot.note(21, Pose(11.0, 8.0, 0.0))[0]
     assert math.dist((x, y), (11.0, 8.0)) == pytest.approx(reach, abs=2e-3)  # the robot stands where it stands
 

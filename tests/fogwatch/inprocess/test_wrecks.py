@@ -7,6 +7,7 @@ import pytest
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.pose import MODELS, Pose
 from tests.agent.plans import plan, prepared_in
+from tests.fleets import end_of
 from tests.present import present
 
 KILL = {"kind": "kill", "who": ["r2"], "at": 0.5}
@@ -48,3 +49,16 @@ def test_a_wreck_that_can_be_passed_closes_nothing_out() -> None:
 
 def test_a_wreck_that_is_removed_closes_nothing_out() -> None:
     assert ran("holonomic", {**KILL, "wreck": "removed"}, width_m=1.2).summary.closed_out == []
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "potential-field"])
+def test_robots_that_know_different_things_of_a_wreck_share_nothing_of_it(policy: str) -> None:
+    rooms = plan((21.0, 14.0), (0.0, 0.0, 10.0, 14.0), (10.0, 2.5, 11.0, 4.0), (11.0, 0.0, 21.0, 14.0), point=0.5)
+    starts = [Pose(4.0, 3.0, 0.0), Pose(10.25, 3.25, 0.0), Pose(4.0, 11.0, 0.0)]
+    robots = {"model": "car", "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
+    given = prepared_in(
+        rooms, starts, robots, sensor={"range": 3.0}, duration=500.0, faults=[KILL], patrol={"policy": policy}
+    )
+    together, alone = run_in_process(given), run_in_process(given, share=False)
+    assert {name for name, robot in together.summary.robots.items() if robot.collisions} == {"r1", "r3"}
+    assert end_of(together.journal) == end_of(alone.journal)

@@ -94,7 +94,8 @@ def test_a_report_says_and_draws_what_was_closed(doors: Any) -> None:
     analysis = analyse(doors.open())
     page = report_html(analysis, made := drawings(analysis))
     assert "closures" in sections(page)
-    assert "% of ground x time was closed out" in page
+    assert "closed out" in sections(page)
+    assert re.search(r"Reachable MFoW: mean [\d.]+ s, .* closed out [\d.]+ % of ground x time", page)
     assert "crate waits to close: r1 in it" in page
     assert "close: closure crate" in page
     for drawing in made:
