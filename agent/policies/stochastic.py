@@ -16,7 +16,8 @@ Where zones weigh, the ages of their points count more (`patrol.measures.zoned`)
 Choices are free where there is no round (`patrol.measures.best_tour`), where robots are crowded (`LEAST_STATIONS`) or
 too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
 They are free, too, where robots know different things of what is in the way, so none can tell what the others do: where
-doors may close, and where much is lost and one of them is dead, stuck or at a dock.
+doors may close, where much is lost and one of them is dead, stuck or at a dock, and for a robot that a wreck keeps from
+seeing some ground.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ class Drawn:
         living = self._living.note(view)
         if living is not self._lived and not self._is_crowded:
             self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
-        group, choice = self._group, self._choose_by(living)
+        group, choice = self._group, self._choose_by(view, living)
         if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None
             return True
@@ -119,8 +120,11 @@ class Drawn:
         self._choice = choice
         return choice.note(view, pursuit, group)
 
-    def _choose_by(self, living: frozenset[int]) -> Believed | OnPlan | None:
+    def _choose_by(self, view: View, living: frozenset[int]) -> Believed | OnPlan | None:
         """Return what the robot chooses by while some robots live, None for free choices."""
+        # The others go on as if it got there.
+        if (left_out := view.fog.left_out) is not None and left_out.any():
+            return None
         if self._living.hears_well:
             return self._believed
         # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.

@@ -1,14 +1,20 @@
 """Fleets with a wreck in their way: what it shuts off is told, and counted apart."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
 
+from agent.mind import Mind
+from agent.ports import State
 from fogwatch.inprocess import Outcome, run_in_process
+from patrol.journal.records import TickRecord
 from patrol.pose import MODELS, Pose
+from patrol.prepare import Prepared
 from tests.agent.plans import plan, prepared_in
 from tests.fleets import end_of
 from tests.present import present
+from worldsim.world import World
 
 KILL = {"kind": "kill", "who": ["r2"], "at": 0.5}
 
@@ -51,14 +57,34 @@ def test_a_wreck_that_is_removed_closes_nothing_out() -> None:
     assert ran("holonomic", {**KILL, "wreck": "removed"}, width_m=1.2).summary.closed_out == []
 
 
-@pytest.mark.parametrize("policy", ["stochastic", "potential-field"])
-def test_robots_that_know_different_things_of_a_wreck_share_nothing_of_it(policy: str) -> None:
+def three_cars(policy: str, duration: float) -> Prepared:
+    """Two rooms of 10 x 14 m, with r2 in the only door, r1 and r3 in one of them."""
     rooms = plan((21.0, 14.0), (0.0, 0.0, 10.0, 14.0), (10.0, 2.5, 11.0, 4.0), (11.0, 0.0, 21.0, 14.0), point=0.5)
     starts = [Pose(4.0, 3.0, 0.0), Pose(10.25, 3.25, 0.0), Pose(4.0, 11.0, 0.0)]
     robots = {"model": "car", "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
-    given = prepared_in(
-        rooms, starts, robots, sensor={"range": 3.0}, duration=500.0, faults=[KILL], patrol={"policy": policy}
-    )
+    patrol = {"policy": policy}
+    return prepared_in(rooms, starts, robots, sensor={"range": 3.0}, duration=duration, faults=[KILL], patrol=patrol)
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "potential-field"])
+def test_robots_that_know_different_things_of_a_wreck_share_nothing_of_it(policy: str) -> None:
+    given = three_cars(policy, 500.0)
     together, alone = run_in_process(given), run_in_process(given, share=False)
     assert {name for name, robot in together.summary.robots.items() if robot.collisions} == {"r1", "r3"}
     assert end_of(together.journal) == end_of(alone.journal)
+
+
+def test_a_robot_that_leaves_ground_out_chooses_freely_and_the_others_plan() -> None:
+    records: list[TickRecord] = []
+    planned = {True: 0, False: 0}  # decisions, by whether the robot left something out
+
+    def look(world: World, minds: Mapping[int, Mind]) -> None:
+        del world
+        for row in records[-1].robots:
+            blocked = minds[row.number].blocked if row.number in minds else None
+            left_out = None if blocked is None else blocked.left_out
+            planned[left_out is not None and bool(left_out.any())] += row.state == State.PATROLLING
+
+    run_in_process(three_cars("stochastic", 300.0), progress=records.append, look=look)
+    assert planned[True] == 0
+    assert planned[False] > 100
