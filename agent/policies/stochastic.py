@@ -17,7 +17,7 @@ Choices are free where there is no round (`patrol.measures.best_tour`), where ro
 too few for the ground (`MOST_PLANNED`), and for a robot for which no station is left, or to whose place no way leads.
 They are free, too, where robots know different things of what is in the way, so none can tell what the others do: where
 doors may close, where much is lost and one of them is dead, stuck or at a dock, and for a robot that a wreck keeps from
-seeing some ground.
+seeing some ground, or may keep from it.
 """
 
 from __future__ import annotations
@@ -65,6 +65,9 @@ DENSE, SHORT_DENSE = 3.5, 2.7
 MOST_PLANNED = 4_000
 """Largest number of stations that a group plans; with more, as for few robots on large ground, its choices are free."""
 
+OLDEST_ROUNDS = 4.0
+"""Age of ground from which on a robot that does not live may bar the way to it, in rounds of those that do."""
+
 MARGIN = 1.25
 """How many times as much as its wanted age says the ground of a zone counts, since distances between robots are uneven.
 """
@@ -95,6 +98,8 @@ class Drawn:
         self._choice: Believed | OnPlan | None = None  # None for free choices
         self._lived: frozenset[int] | None = None
         self._group: Group | None = None  # of those; None for crowded robots
+        self._length_m, self._step = known.length_m, setup.fleet.step
+        self._speeds = {spec.number: spec.speed for spec in setup.fleet.roster}
 
     def forget(self) -> None:
         """Begin anew."""
@@ -126,9 +131,16 @@ class Drawn:
         if (left_out := view.fog.left_out) is not None and left_out.any():
             return None
         if self._living.hears_well:
-            return self._believed
+            return None if self._may_be_barred(view, living) else self._believed
         # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.
         return self._on_plan if self._team <= living else None
+
+    def _may_be_barred(self, view: View, living: frozenset[int]) -> bool:
+        """Return True if a wreck may bar the way to some ground: it is so old that draws follow from little else."""
+        if self._team <= living or view.weighing:
+            return False
+        speed = sum(self._speeds[number] for number in living & self._robots)
+        return view.mfow * self._step * speed > OLDEST_ROUNDS * self._length_m
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the next target, and return the way there."""

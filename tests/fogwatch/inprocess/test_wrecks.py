@@ -74,17 +74,23 @@ def test_robots_that_know_different_things_of_a_wreck_share_nothing_of_it(policy
     assert end_of(together.journal) == end_of(alone.journal)
 
 
-def test_a_robot_that_leaves_ground_out_chooses_freely_and_the_others_plan() -> None:
+def test_a_robot_that_leaves_ground_out_or_finds_it_much_too_old_chooses_freely_and_else_plans() -> None:
     records: list[TickRecord] = []
-    planned = {True: 0, False: 0}  # decisions, by whether the robot left something out
+    states = {"left out": set[str](), "too old": set[str](), "else": set[str]()}
 
     def look(world: World, minds: Mapping[int, Mind]) -> None:
-        del world
         for row in records[-1].robots:
-            blocked = minds[row.number].blocked if row.number in minds else None
-            left_out = None if blocked is None else blocked.left_out
-            planned[left_out is not None and bool(left_out.any())] += row.state == State.PATROLLING
+            if row.number not in minds:
+                continue
+            mind = minds[row.number]
+            assert mind.blocked is not None
+            left_out = mind.blocked.left_out is not None and mind.blocked.left_out.any()
+            # A round of two robots takes less than 50 s.
+            too_old = mind._fog.mfow(world.tick) * world.step > 200.0
+            states["left out" if left_out else "too old" if too_old else "else"].add(row.state)
 
-    run_in_process(three_cars("stochastic", 300.0), progress=records.append, look=look)
-    assert planned[True] == 0
-    assert planned[False] > 100
+    run_in_process(three_cars("stochastic", 420.0), progress=records.append, look=look)
+    assert State.PATROLLING in states["else"]
+    for kind in ("left out", "too old"):
+        assert State.FREE in states[kind]
+        assert State.PATROLLING not in states[kind]
