@@ -98,7 +98,9 @@ class Drawn:
         self._choice: Believed | OnPlan | None = None  # None for free choices
         self._lived: frozenset[int] | None = None
         self._group: Group | None = None  # of those; None for crowded robots
-        self._length_m, self._step = known.length_m, setup.fleet.step
+        self._team_lives = True
+        self._oldest = math.inf  # age of ground from which on a wreck may bar the way to it, ticks
+        self._round_ticks = known.length_m / setup.fleet.step  # of a robot at 1 m/s
         self._speeds = {spec.number: spec.speed for spec in setup.fleet.roster}
 
     def forget(self) -> None:
@@ -115,7 +117,10 @@ class Drawn:
         living = self._living.note(view)
         if living is not self._lived and not self._is_crowded:
             self._lived, self._group = living, self._groups.find(self._number, self._team, living & self._robots)
-        group, choice = self._group, self._choose_by(view, living)
+            self._team_lives = self._team <= living
+            speed = sum(self._speeds[number] for number in sorted(living & self._robots))
+            self._oldest = math.inf if self._team_lives else OLDEST_ROUNDS * self._round_ticks / speed
+        group, choice = self._group, self._choose_by(view)
         if choice is None or group is None or not 0 < len(group.known) <= MOST_PLANNED:
             self._choice = None
             return True
@@ -125,22 +130,16 @@ class Drawn:
         self._choice = choice
         return choice.note(view, pursuit, group)
 
-    def _choose_by(self, view: View, living: frozenset[int]) -> Believed | OnPlan | None:
-        """Return what the robot chooses by while some robots live, None for free choices."""
+    def _choose_by(self, view: View) -> Believed | OnPlan | None:
+        """Return what the robot chooses by now, None for free choices."""
         # The others go on as if it got there.
         if (left_out := view.fog.left_out) is not None and left_out.any():
             return None
         if self._living.hears_well:
-            return None if self._may_be_barred(view, living) else self._believed
+            # Ground as old as that makes all stations near by alike to a draw.
+            return None if view.mfow > self._oldest and not view.weighing else self._believed
         # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.
-        return self._on_plan if self._team <= living else None
-
-    def _may_be_barred(self, view: View, living: frozenset[int]) -> bool:
-        """Return True if a wreck may bar the way to some ground: it is so old that draws follow from little else."""
-        if self._team <= living or view.weighing:
-            return False
-        speed = sum(self._speeds[number] for number in living & self._robots)
-        return view.mfow * self._step * speed > OLDEST_ROUNDS * self._length_m
+        return self._on_plan if self._team_lives else None
 
     def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the next target, and return the way there."""
