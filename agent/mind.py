@@ -184,7 +184,7 @@ class Mind:
 
         So it is with the ground behind a wreck, which is closed already.
         """
-        blocked.bar(self._obstacles.met(k))
+        blocked.bar(self._obstacles.met(k, self.belief.peers))
         if blocked.area is not None:
             self._ground.close(areas=[blocked.area])
         if blocked.is_in_the_way:

@@ -37,8 +37,8 @@ class FogView:
     Attributes:
         patrolled: bool, the points that this robot could see from somewhere: those that have an age.
         posts: Where to stand to see patrolled points on which the body does not fit.
-        left_out: bool, the points that the robot cannot get to see because of points seen blocked, which are not
-            among those patrolled for now; None where it has seen nothing blocked.
+        left_out: bool, the points that the robot cannot get to see because of points seen blocked or a wreck, which are
+            not among those patrolled for now; None where there is none.
         stands: int64 (h w,), flat index of where it stands to see each point then, -1 for nowhere; None likewise.
     """
 

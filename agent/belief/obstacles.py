@@ -118,15 +118,16 @@ class Obstacles:
                 obstacle.place = _at_distance(here, obstacle.place, obstacle.reach)
         return [(*obstacle.place, obstacle.reach) for obstacle in known.values() if tick <= obstacle.until]
 
-    def met(self, tick: int) -> dict[tuple[int, int], Disc]:
+    def met(self, tick: int, heard: Mapping[int, Peer]) -> dict[tuple[int, int], Disc]:
         """Return the discs that are closed because the robot has bumped into a silent one there.
 
         They are by that one's number and the tick up to which it is closed, which change only with another bump.
+        `heard` has when each was heard last: one of which a frame or two are missing is not silent.
         """
         return {
             (number, obstacle.until): (*obstacle.place, obstacle.reach)
             for number, obstacle in self._known.items()
-            if number > 0 and obstacle.is_met and tick <= obstacle.until
+            if number > 0 and obstacle.is_met and tick <= obstacle.until and tick - heard[number].tick > self._patience
         }
 
     def closed(self, discs: Iterable[Disc], pose: Pose) -> list[Disc]:

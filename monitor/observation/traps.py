@@ -68,8 +68,8 @@ class TrapWatch:
         if closings is not None and closings.names(record.k) != self._closed:
             self._closed = closings.names(record.k)
             self._ground.close(closings.grid(record.k))
-        # Whether a wreck was removed is not known here.
-        self._open_ground.tick(record.k, self._ground, self._closed, by_driver(record.robots)[0], {})
+        # Whether a wreck was removed is not known here, so each is taken to stand.
+        self._open_ground.tick(record.k, self._ground, self._closed, *by_driver(record.robots))
         return [self._make_event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:

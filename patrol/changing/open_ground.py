@@ -30,13 +30,16 @@ Place = tuple[float, float]
 
 NEVER_OUT = -1
 
+STANDING = Status.PAUSED, Status.DEAD, Status.LOST
+"""The statuses of a robot whose body stands somewhere without a driver, unless it is removed."""
+
 
 class OpenGround:
     """The ground that each robot can get to and see, tick by tick.
 
     `closed_out` marks the patrolled points that are closed out now; without robots there are none. A robot changes the
-    part of the ground that it is in only when something closes or opens, when another one becomes a wreck, or when it
-    appears. So nothing is computed in other ticks.
+    part of the ground that it is in only when something closes or opens, when another one becomes a wreck, when it
+    appears, or when it gets past a wreck, which bars nothing from then on. So nothing is computed in other ticks.
     """
 
     def __init__(
@@ -47,6 +50,10 @@ class OpenGround:
         self._sensor = range_m, line_of_sight
         self.closed_out: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
         self._known: tuple[object, ...] | None = None
+        self._passed: set[tuple[int, Place]] = set()  # the wrecks that stood where a robot got past one
+        self._labels: dict[float, NDArray[np.int32]] = {}  # the parts of the ground now, by radius
+        self._parts: dict[int, int] = {}  # the part that each robot is in, by number
+        self._beside: set[int] = set()  # the robots that stood where no centre may be, such as beside a wreck
         self._out: dict[int, BoolGrid] = {}
         self._last_out: dict[int, NDArray[np.int32]] = {}
 
@@ -64,8 +71,14 @@ class OpenGround:
         """
         state = frozenset(closed), frozenset(places), frozenset(wrecks.items())
         if state == self._known:
-            return
+            moved = set() if self._passed.issuperset(wrecks.items()) else self._find_moved(places)
+            if not moved:
+                return
+            # On which side of a wreck a robot is that stands right beside it shows only later.
+            if not moved <= self._beside:
+                self._passed.update(wrecks.items())
         self._known = state
+        wrecks = {number: place for number, place in wrecks.items() if (number, place) not in self._passed}
         # Robots that could get to the same ground share their grids: there may be a thousand.
         grids: dict[tuple[int, int], NDArray[np.int32]] = {}
         for number, out in self._out.items():
@@ -128,15 +141,31 @@ class OpenGround:
                 proxy = proxies_of(terrain, reach, *self._sensor)
                 parts[radius, part] = reach | (proxy >= 0)
             visible[number] = parts[radius, part]
+            self._parts[number] = part
+        self._labels = {radius: labelled for radius, (_, labelled) in labels.items()}
+        self._beside = {number for number, place in places.items() if self._label(number, place) == 0}
         return visible
+
+    def _find_moved(self, places: Mapping[int, Place]) -> set[int]:
+        """Return the robots that are in another part of the ground than when it was computed last."""
+        return {
+            number for number, place in places.items() if self._label(number, place) not in (0, self._parts[number])
+        }
+
+    def _label(self, number: int, place: Place) -> int:
+        """Return the part of the ground that a place is in; 0 where the robot's centre may not be."""
+        return int(self._labels[self._radii[number]][self._terrain.nearest_point(*place)])
 
 
 def by_driver(rows: Iterable[RobotTick]) -> tuple[dict[int, Place], dict[int, Place]]:
-    """Return the places of the robots that are driven, and of the other ones, by number."""
-    driven, others = dict[int, Place](), dict[int, Place]()
+    """Return the places of the robots that are driven, and of those that stand without a driver, by number."""
+    driven, standing = dict[int, Place](), dict[int, Place]()
     for row in rows:
-        (driven if row.status is Status.ALIVE else others)[row.number] = row.x, row.y
-    return driven, others
+        if row.status is Status.ALIVE:
+            driven[row.number] = row.x, row.y
+        elif row.status in STANDING:
+            standing[row.number] = row.x, row.y
+    return driven, standing
 
 
 class OpenAges:

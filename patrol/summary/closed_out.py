@@ -20,7 +20,7 @@ def closed_out_lines(summary: Summary) -> list[str]:
         area, where, since, until = _cells(max(summary.closed_out, key=lambda spell: spell.area_m2))
         times = len(summary.closed_out)
         in_all = f"; {times} times in all" if times > 1 else ""
-        lines.append(f"closed out  {area} around {where} from {since} to {until}{in_all}")
+        lines.append(f"closed out  up to {area} around {where}, some ground from {since} to {until}{in_all}")
     return lines
 
 

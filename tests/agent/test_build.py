@@ -105,3 +105,12 @@ def test_policies_get_a_scenario_without_what_robots_do_not_know() -> None:
     assert not known.scenario.faults
     assert not known.scenario.intruders
     assert known.rounds is prepared.rounds
+
+
+def test_what_is_in_one_robots_way_moves_its_posts_alone() -> None:
+    shared = Shared(prepare(load_scenario({**MIXED, "robots": {"count": 2, "model": "holonomic"}})), believers=(1, 2))
+    first, second = (build_mind(shared, number) for number in (1, 2))
+    usual = second._fog.posts.stands.copy()
+    assert first._fog.posts.stands is second._fog.posts.stands
+    first._fog.posts.move(np.full(usual.shape, 7, dtype=np.int32))
+    assert np.array_equal(second._fog.posts.stands, usual)

@@ -93,7 +93,7 @@ class ProgressCheck(Check):
         super().__init__(run)
         self._fog = run.reading(TrueFog).fog
         self._open_ground = run.reading(GroundOpen).open_ground
-        self._was_closed_out = False
+        self._is_closed_out = False
         self._traps = Traps(run.prepared, self._open_ground)
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
@@ -122,7 +122,9 @@ class ProgressCheck(Check):
                 assert stay is not None
                 self._stays[number] = k - since, stay
         self._seen.append(fog.seen)
-        self._was_closed_out |= bool(self._open_ground.closed_out.any())
+        # What closures leave old is excused for good, what a wreck leaves old while it stands.
+        lasts = self._is_closed_out and self._run.prepared.scenario.changes_ground
+        self._is_closed_out = lasts or bool(self._open_ground.closed_out.any())
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
             self._worst = age, self._find_stalest(record)
@@ -197,7 +199,7 @@ class ProgressCheck(Check):
 
     def _about_fog(self, end: Stalest) -> tuple[str, str]:
         """Return a warning about the fog at the end, or empty, and without one the finding."""
-        if self._was_closed_out:
+        if self._is_closed_out:
             return "", self._behind_closed_ground()
         never, took_s = self._fog.points - self._fog.seen, self._ticks * self._step
         fresh = "all that can be seen was seen, and nothing was stale for long at the end"

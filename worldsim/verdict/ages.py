@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.changing.open_ground import OpenAges
+from patrol.changing.open_ground import STANDING, OpenAges
 from patrol.ground.marks import middle
-from patrol.journal import Status
 from patrol.measures.zoned import MOST_KEPT, ZonedGround, best_weighted_s, zone_weights
 from patrol.summary.model import ClosedOut, ZoneFigures
 from patrol.zones.spec import ELSEWHERE, Weighing, points_of, weighing_at, zones_in_force
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from patrol.measures.zoned import Weights
     from worldsim.checks.check import JudgedRun
 
-STANDING = tuple(status.name.lower() for status in (Status.DEAD, Status.LOST, Status.PAUSED))
+STANDING_EVENTS = tuple(status.name.lower() for status in STANDING)
 """Events after which a robot's body may stand in the way of others."""
 
 Ages = NDArray[np.float64]
@@ -171,7 +170,8 @@ class AgesOpen(JournalReading):
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
         """Return True if parts of the ground close, or bodies without a driver may bar a way."""
-        return run.prepared.scenario.changes_ground or any(event.kind in STANDING for event in run.journal.events)
+        events = run.journal.events
+        return run.prepared.scenario.changes_ground or any(event.kind in STANDING_EVENTS for event in events)
 
     def tick(self, record: TickRecord) -> None:
         """Look at the fog after the tick's observations."""

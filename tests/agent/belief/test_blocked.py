@@ -124,6 +124,15 @@ def test_what_is_behind_a_wreck_is_left_out_while_it_is_believed_there() -> None
     assert posts.stands[5, 17] == 5 * 30 + 17
 
 
+def test_posts_of_a_robots_own_move_alone() -> None:
+    posts = Posts(compute_fields(TERRAIN, 0.4, 10.0, True, [BEFORE]).proxy)
+    own, usual = posts.own(), posts.stands.copy()
+    assert own.stands is posts.stands
+    own.move(np.full(TERRAIN.shape, 7, dtype=np.int32))
+    assert (own.stands == 7).all()
+    assert np.array_equal(posts.stands, usual)
+
+
 @pytest.mark.parametrize(("col", "side"), [(13, 15), (15, 13)])
 def test_a_robot_right_beside_a_wreck_gets_out_on_its_side(col: int, side: int) -> None:
     """It stands where no centre may be, so what it sees from the other side is left out."""

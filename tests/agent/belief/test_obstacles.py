@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from agent.belief.believed import Area, Belief, Beliefs
 from agent.belief.obstacles import Obstacles
 from agent.belief.posts import Posts
-from agent.routes.ground import Spot
+from agent.routes.ground import Disc, Spot
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
@@ -56,6 +56,10 @@ class Robot:
         peers = self.belief.peers_at(tick, None)
         discs = self.obstacles.note(tick, pose, end, self.belief, peers)
         return [tuple(round(value, 3) for value in disc) for disc in discs]
+
+    def met(self, tick: int) -> dict[tuple[int, int], Disc]:
+        """The discs of silent robots that it has met."""
+        return self.obstacles.met(tick, self.belief.peers)
 
     def place_of(self, tick: int, number: int) -> Spot:
         """The place at which it takes another robot to be."""
@@ -226,17 +230,27 @@ def test_a_robot_heard_late_is_expected_where_it_drives_and_after_a_bump_where_i
 
 def test_a_silent_robot_counts_as_met_from_a_bump_until_it_is_open_again() -> None:
     robot = silent_at_ten()
-    assert robot.obstacles.met(20) == {}
+    assert robot.met(20) == {}
     robot.note(20, Pose(8.5, 10.0, 0.0), Pose(9.5, 10.0, 0.0))
-    ((number, until),) = robot.obstacles.met(20)
+    ((number, until),) = robot.met(20)
     assert (number, until) == (2, 20 + MEMORY)
-    assert robot.obstacles.met(until).keys() == {(2, until)}
-    assert robot.obstacles.met(until + 1) == {}
+    assert robot.met(until).keys() == {(2, until)}
+    assert robot.met(until + 1) == {}
     robot.note(until + 1, Pose(8.5, 10.0, 0.0), Pose(9.5, 10.0, 0.0))
-    assert robot.obstacles.met(until + 1).keys() == {(2, until + 1 + 2 * MEMORY)}
+    assert robot.met(until + 1).keys() == {(2, until + 1 + 2 * MEMORY)}
+
+
+def test_a_silent_robot_that_was_never_met_and_one_of_which_a_frame_is_missing_are_no_wrecks() -> None:
+    robot = silent_at_ten()
+    assert robot.note(20) == [(10.0, 10.0, 1.4)]
+    assert robot.met(20) == {}
+    robot = Robot(2)
+    robot.hear(19, (2, (10.0, 10.0)))
+    assert len(robot.note(20, Pose(8.5, 10.0, 0.0), Pose(9.5, 10.0, 0.0))) == 1
+    assert robot.met(20) == {}
 
 
 def test_something_unknown_is_no_wreck() -> None:
     robot = Robot(2)
     robot.note(0, Pose(8.0, 10.0, 0.0), Pose(9.0, 10.0, 0.0))
-    assert robot.obstacles.met(0) == {}
+    assert robot.met(0) == {}

@@ -53,6 +53,13 @@ def test_a_wreck_that_can_be_passed_closes_nothing_out() -> None:
     assert present(summary.mfow_late_mean_s) < 150.0
 
 
+def test_the_fog_is_judged_where_a_robot_that_paused_has_gone_on() -> None:
+    outcome = ran("holonomic", {"kind": "pause", "who": ["r2"], "at": 0.5, "for": 1.0}, width_m=1.2)
+    assert len(outcome.summary.closed_out) == 1
+    (progress,) = (check for check in outcome.verdict.checks if check.name == "progress")
+    assert "nothing was stale for long at the end" in progress.detail
+
+
 def test_a_wreck_that_is_removed_closes_nothing_out() -> None:
     assert ran("holonomic", {**KILL, "wreck": "removed"}, width_m=1.2).summary.closed_out == []
 

@@ -78,6 +78,34 @@ def test_ground_behind_a_wreck_is_closed_out_as_behind_a_door(halves: Prepared) 
     assert not ground.closed_out.any()
 
 
+def test_a_wreck_that_a_robot_gets_past_bars_nothing_from_then_on(halves: Prepared) -> None:
+    shut, wreck = closed(halves).passable.copy(), {2: (50.5, 43.0)}
+    shut[42:45, 50] = True
+    ground = OpenGround(Terrain("gap", shut, 1.0), halves.patrolled, dict.fromkeys((1, 2, 3), 0.4), 10.0, True)
+
+    def tick(k: int, place: tuple[float, float], wrecks: dict[int, tuple[float, float]] = wreck) -> bool:
+        ground.tick(k, ground._terrain, (), {1: place}, wrecks)
+        return bool(ground.closed_out[40, 80])
+
+    assert tick(0, (48.5, 43.5))
+    assert tick(1, (49.5, 43.5)), "it is right beside the wreck"
+    assert not tick(2, (54.5, 43.5))
+    assert not tick(3, WEST)
+    assert not tick(4, WEST, {**wreck, 3: (10.5, 10.5)})
+    assert tick(5, WEST, {2: (50.5, 43.5)}), "it stands elsewhere"
+
+
+def test_a_robot_right_beside_a_wreck_is_on_the_side_that_it_leaves_to(halves: Prepared) -> None:
+    shut = closed(halves).passable.copy()
+    shut[42:45, 50] = True
+    ground = OpenGround(Terrain("gap", shut, 1.0), halves.patrolled, dict.fromkeys((1, 2), 0.4), 10.0, True)
+    wreck = {2: (50.5, 43.5)}
+    for k, (place, west, east) in enumerate([((51.5, 43.5), False, True), (WEST, False, True), (EAST, False, False)]):
+        ground.tick(k, ground._terrain, (), {1: place}, wreck)
+        if k:
+            assert (bool(ground.closed_out[40, 20]), bool(ground.closed_out[40, 80])) == (west, east)
+
+
 def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
     ground, seen = open_ground_of(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
     both = {1: WEST, 2: EAST}
