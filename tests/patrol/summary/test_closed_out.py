@@ -15,7 +15,7 @@ def test_lines_and_table_say_when_and_where_ground_was_closed_out_and_how_old_th
     told = "mean 12.3 s, maximum 56.8 s; closed out 1.2 % of ground x time"
     assert closed_out_lines(summary) == [
         f"reachable MFoW {told}",
-        "closed out  64 m² around (17.9, 4.0) from 10 s to 32.5 s; 2 times in all",
+        "closed out  up to 64 m² around (17.9, 4.0), some ground from 10 s to 32.5 s; 2 times in all",
     ]
     table = closed_out_table(summary, SCENARIO, 60.0)
     assert table.text == f"Reachable MFoW: {told}."
