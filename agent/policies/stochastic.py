@@ -136,7 +136,7 @@ class Drawn:
         if (left_out := view.fog.left_out) is not None and left_out.any():
             return None
         if self._living.hears_well:
-            # Ground as old as that makes all stations near by alike to a draw.
+            # Ground as old as that makes all stations near by alike to a draw. Where zones weigh, some may be that old.
             return None if view.mfow > self._oldest and not view.weighing else self._believed
         # Each has heard a dead one last at another place, so they cannot plan round its wreck alike.
         return self._on_plan if self._team_lives else None
