@@ -21,9 +21,6 @@ from patrol.kernels.ways import FAR, way_between
 from patrol.tours.cover import Looks, Views, candidate_spacing, complete, cover_roughly
 from patrol.tours.round import Flat, Tour
 
-MOST_POINTS = 20_000_000
-"""Points of the largest terrain with a tour: the search needs about 30 bytes for each."""
-
 MOST_PLACES = 8_000
 """Places of the largest tour, which takes four minutes: those of 1 km2 for a sensor that sees 10 m far."""
 
@@ -55,11 +52,9 @@ def find_tour(
     """Find a short closed tour through a part of the reachable ground on which all of some ground is seen.
 
     The part is connected, and all of the ground can be seen from it by the sensor, which looks all around. `proxy`
-    holds for a point of the ground outside of the part the flat index of a point of the part that sees it. None on
-    ground of more than `MOST_POINTS`, or that needs more than `MOST_PLACES`.
+    holds for a point of the ground outside of the part the flat index of a point of the part that sees it. None where
+    more than `MOST_PLACES` are needed.
     """
-    if part.size > MOST_POINTS:
-        return None
     looks = Looks(terrain, footprint)
     exact = Views(looks, ground, 1)
     chosen, rough = cover_roughly(looks, ground, part, proxy, footprint)
