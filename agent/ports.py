@@ -127,8 +127,8 @@ class Place:
             and no other robot is in its way. None for one that the body finds itself.
         others: Where the policy knows the other robots to be now, by number, in place of where they were heard; None
             for the latter.
-        heading: Where to face, rad: a holonomic robot on its way too, one that turns on the spot once it is there, and
-            a car never. None for any heading.
+        heading: Where to face, rad: a holonomic robot on its way too, others once they are there. A car does so where
+            the place is exact, within an eighth of pi, and comes back to the place after that. None for any heading.
     """
 
     x: float

@@ -2,7 +2,8 @@
 
 On its way to a place a car drives the arcs that a search has found (`agent.bodies.manoeuvre`), and parks where the
 place is near, with nothing in between. Otherwise it drives towards the goal ahead, turning as tightly as needed (paper,
-"nonholonomic robots"). Where no step towards the goal is free it turns out of the dead end (`Unstuck`).
+"nonholonomic robots"). Where no step towards the goal is free it turns out of the dead end (`Unstuck`). In the same way
+it turns at a place where it is to face a direction.
 """
 
 from __future__ import annotations
@@ -86,15 +87,20 @@ class CarBody(BodyBase):
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
         self._step = setup.step
         self._unstuck = Unstuck(self._steering, setup.spec.speed)
+        self._turns_at: Spot | None = None  # the place at which it turns to face where the place says
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
         if setup.patrol.manoeuvres:
-            moves = car_moves(setup.spec, setup.step, setup.ground.terrain.point)
+            point, sees_behind = setup.ground.terrain.point, setup.sees_all_round
+            moves = car_moves(setup.spec, setup.step, point, sees_behind=sees_behind)
             self.manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
             self._parking = self.manoeuvres.parking
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         if view.bumped and self.manoeuvres is not None:
             self.manoeuvres.drop()
+        if self._turns_at is not None and not (isinstance(intent, Place) and (intent.x, intent.y) == self._turns_at):
+            # What it turned to see has been seen.
+            self._forget_way()
         if self._unstuck.active and not isinstance(intent, Steer):
             return self._go_on_leaving(intent, view)
         return super()._carry_out(intent, view)
@@ -112,7 +118,7 @@ class CarBody(BodyBase):
             choice = self._drive_ahead(view, bearing, goal, intent.state, bumped=False)
         else:
             out = self._leave_dead_end(view) if is_halt(drive) else None
-            choice = out or Choice(drive, State.DEAD_END, None, goal)
+            choice = out or Choice(drive, State.DEAD_END if self._turns_at is None else intent.state, None, goal)
         return replace(choice, bearing=bearing, goal=goal) if isinstance(intent, Place) else choice
 
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:
@@ -170,11 +176,19 @@ class CarBody(BodyBase):
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
         if self.manoeuvres is not None:
             is_there = exact and view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
-            drive = Drive(0.0, 0.0) if is_there else self.manoeuvres.next(view, spot, exact=exact)
+            drive = self._turn_to(place, pose) if is_there else self.manoeuvres.next(view, spot, exact=exact)
             if drive is not None:
                 return Choice(drive, place.state, bearing, goal)
         choice = self._drive_ahead(view, bearing, goal, place.state, bumped=view.bumped)
         return replace(choice, bearing=bearing, goal=goal)
+
+    def _turn_to(self, place: Place, pose: Pose) -> Drive:
+        """Return the first step of a turn to where a place says to face, in reverse and forward; a halt without one."""
+        if place.heading is None or abs(wrap(place.heading - pose.heading)) <= ORIENTED:
+            return Drive(0.0, 0.0)
+        self._turns_at = place.x, place.y
+        self._unstuck.begin(place.heading)
+        return self._unstuck.step(pose, bumped=False) or Drive(0.0, 0.0)
 
     def _drive_ahead(self, view: View, bearing: float | None, goal: Goal | None, state: str, *, bumped: bool) -> Choice:
         """Drive towards the goal ahead in direction ``bearing`` (rad), or begin to leave a dead end."""
@@ -191,7 +205,7 @@ class CarBody(BodyBase):
 
     def _forget_way(self) -> None:
         super()._forget_way()
-        self._unstuck.active = False
+        self._turns_at, self._unstuck.active = None, False
 
     def _step_to(self, pose: Pose, spot: Spot) -> Drive:
         self._unstuck.active = False

@@ -45,8 +45,9 @@ TURNS = (0.125, -0.125, 0.25, -0.25, 0.5, -0.5)
 TIGHTEST_RADII = 2.0
 """Radius of a differential robot's tightest arcs, in radii of its body."""
 
-REVERSE = 1.1
-"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead."""
+REVERSE, REVERSE_BLIND = 1.1, 3.0
+"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead; and a car
+whose sensor looks ahead sees nothing new meanwhile."""
 
 GEAR_CHANGE = 0.3
 """Cost of a change between forward and reverse, in turning radii. It takes no time, but a plan of many is fragile."""
@@ -107,12 +108,12 @@ class Moves:
     cell: float  # side of the grid that tells poses apart, m; arcs that end in their first cell are left out
 
 
-def car_moves(spec: RobotSpec, step: float, point: float) -> Moves:
+def car_moves(spec: RobotSpec, step: float, point: float, *, sees_behind: bool) -> Moves:
     """Return the moves of a car; `step` is in s per tick, `point` is the side of the terrain's points in m."""
     stride = spec.speed * step
     ticks = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
     # A body that turns sideways by less than a cell would never leave its first one.
-    moves = _arcs(spec.speed, spec.turning_radius, ticks, step)
+    moves = _arcs(spec.speed, spec.turning_radius, ticks, step, REVERSE if sees_behind else REVERSE_BLIND)
     return Moves(moves, spec.turning_radius, max(0.5 * stride * ticks * SHORT, point))
 
 
@@ -122,7 +123,7 @@ def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
     slowest = 1.0 / (1.0 + spec.radius / turning)
     ticks = max(1, math.ceil(LEAST_TURN * turning / (slowest * stride)))
     moves = []
-    for move in _arcs(spec.speed, turning, ticks, step):
+    for move in _arcs(spec.speed, turning, ticks, step, REVERSE):
         length, curvature, _, cost = move.arc
         slower = 1.0 / (1.0 + spec.radius * abs(curvature))
         speed = slower * length / (ticks * step)
@@ -138,7 +139,7 @@ def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
     return Moves(moves, turning, 0.5 * stride * ticks * SHORT)
 
 
-def _arcs(speed: float, turning: float, ticks: int, step: float) -> list[Move]:
+def _arcs(speed: float, turning: float, ticks: int, step: float, reverse: float) -> list[Move]:
     """Return a car's arcs. All take the same time, however short they are, so they cost the same."""
     moves = []
     for share in (1.0, SHORT):
@@ -146,7 +147,7 @@ def _arcs(speed: float, turning: float, ticks: int, step: float) -> list[Move]:
             for bend in TIGHTNESS:
                 drive = Drive(sense * share * speed, bend * (1.0 / turning))
                 length = ticks * step
-                cost = speed * length * (REVERSE if sense < 0.0 else 1.0) * (TURNING if bend != 0.0 else 1.0)
+                cost = speed * length * (reverse if sense < 0.0 else 1.0) * (TURNING if bend != 0.0 else 1.0)
                 moves.append(Move(drive, ticks, (drive.speed * length, drive.curvature, 0.0, cost)))
     return moves
 

@@ -67,8 +67,6 @@ class Commitment:
         sight = setup.ground.sight
         self._sight, self._sees_all_round = sight, sight.all_round and not sight.leaves_age
         self._looks_freely = not sight.all_round and setup.robot.spec.model == "holonomic"
-        # A car cannot turn on the spot, and a sensor that looks all round may see more from elsewhere.
-        self._may_have_to_move = sight.all_round or setup.robot.spec.model == "car"
         self._may_be_away = bool(setup.fleet.docks)
         self._decided_at = 0
 
@@ -105,7 +103,8 @@ class Commitment:
         state = self._state_of(chooses_freely or target.free)
         figures = {"way_m": way.length, "age_s": age_of(view, target.point) * self._step}
         heading = self._find_heading(view, target, way)
-        if way.length == 0.0 and self._may_have_to_move and heading is not None:
+        if way.length == 0.0 and self._sight.all_round and heading is not None:
+            # Such a sensor may see more from elsewhere.
             return Bearing((heading,), wander=wander, state=state, figures=figures)
         place = Place(
             *way.place,

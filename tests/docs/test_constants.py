@@ -84,6 +84,8 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "more than # stations (`MOST_PLANNED`)", (stochastic.MOST_PLANNED,)),
     ("algorithm", "(a tour of # places)", (search.MOST_PLACES,)),
     ("algorithm", "Reverse costs # times forward", (manoeuvre.REVERSE,)),
+    ("algorithm", "reverse costs it # times forward (`REVERSE_BLIND`)", (manoeuvre.REVERSE_BLIND,)),
+    ("algorithm", "(# times for a car that", (manoeuvre.REVERSE_BLIND,)),
     ("algorithm", "a change of gear # turning radii", (manoeuvre.GEAR_CHANGE,)),
     ("algorithm", "After # poses it drives", (manoeuvre.MOST_NODES,)),
     ("algorithm", "off by a tenth of a stride or # rad", (manoeuvre.ASKEW,)),
