@@ -124,7 +124,8 @@ def _draw_ages(chart: Figure, plan: FleetPlan) -> None:
     axes.locator_params(axis="x", integer=True)
     axes.set_xlabel("robots")
     axes.set_ylabel("age of the stalest point (s)")
-    chart.legend(loc="outside right upper")
+    if axes.get_legend_handles_labels()[0]:
+        chart.legend(loc="outside right upper")
     axes.set_title(f"{plan.scenario.name}: the age that robots keep")
 
 

@@ -47,6 +47,13 @@ def test_a_notebook_shows_table_answer_and_curve(planned: fogwatch.PlanResult) -
     assert {line.get_label() for line in figure.axes[0].lines} >= {"one tour for all", "wanted"}
 
 
+def test_a_plan_of_no_known_age_is_drawn_without_a_legend() -> None:
+    cars = {**OVERRIDES, "robots.model": "car", "sensor.angle": 90, "sensor.range": 60}
+    figure = fogwatch.plan("open", robots=1, overrides=cars, quick=True).figure()
+    assert figure.axes[0].get_title(loc="left") == "open: the age that robots keep"
+    assert not figure.legends
+
+
 def test_a_quick_plan_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     told: list[tuple[str, float]] = []
