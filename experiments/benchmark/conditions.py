@@ -1,4 +1,4 @@
-"""The conditions of the benchmark by name: faults, and robots that are not all alike.
+"""The conditions of the benchmark by name: faults, robots that are not all alike, and other sensors.
 
 For example, `loss-90` loses 90 % of all frames, and ``loss-90+deaths`` is both at once. `docs/benchmark.md` lists all.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from typing import Any
 
@@ -23,7 +23,7 @@ DEATHS_S = (300.0, 1100.0)
 DEATHS_OF_S = 1800.0
 
 ONE_DEATH = 1.0 / 3.0
-"""When r2 dies under `one-death`, as a share of the run."""
+"""When r2 dies under `one-death` and `wreck`, as a share of the run."""
 
 JITTER_S = 5.0
 """How long a jittered speed holds, s: about a leg between two vertices."""
@@ -53,6 +53,7 @@ class Condition:
     # share of the scenario's speed of the robot INDEX of COUNT; the shares of several are multiplied
     speeds: tuple[Callable[[int, int], float], ...] = ()
     models: tuple[str, ...] = ()  # body models, which the robots have in turn
+    settings: Mapping[str, object] = field(default_factory=dict)  # others, by dotted field
 
     def add_to(self, settings: Mapping[str, object]) -> dict[str, object]:
         """Return settings of a scenario, by dotted field, with those of this condition; `robots.count` is among them.
@@ -60,7 +61,7 @@ class Condition:
         Robots that are not alike are listed one by one. For example, ``{"robots.count": 2, "robots.speed": 1}`` becomes
         ``{"robots": [{"speed": 0.95}, {"speed": 1.0}]}`` under `slower-5`.
         """
-        changed = {**settings, **({} if self.robots is None else {"robots.count": self.robots})}
+        changed = {**settings, **self.settings, **({} if self.robots is None else {"robots.count": self.robots})}
         if self.faults:
             changed["faults"] = [dict(fault) for fault in self.faults]
         if not (self.speeds or self.models):
@@ -98,12 +99,14 @@ NUMBERED: Mapping[str, Numbered] = {
     "slower-": Numbered(99, "%", lambda percent: Condition((), 1, speeds=(_first_slower(percent / 100.0),))),
     "delay-": Numbered(60, "s", lambda late_s: Condition([{"kind": "delay", "delay": {"constant": late_s}}])),
     "range-": Numbered(1000, "m", lambda reach_m: Condition([{"kind": "range", "reach": reach_m}])),
+    "sector-": Numbered(360, "degrees", lambda degrees: Condition((), 1, settings={"sensor.angle": degrees})),
+    "noise-": Numbered(1000, "cm", lambda off_cm: Condition([_noise(off_cm / 100.0)], 1)),
     "robots-": Numbered(MAX_ROBOTS, "robots", lambda count: Condition((), 1, robots=count)),
 }
 """Conditions with a number, by the prefix of their names."""
 
-EXAMPLES = ("loss-50", "loss-90", "jitter-20", "slower-5", "delay-3", "range-30", "robots-26")
-ALL = (NONE, "silence", DEATHS, "one-death", "spoof", "bursts", "speeds", "bodies", *EXAMPLES)
+EXAMPLES = ("loss-50", "loss-90", "jitter-20", "slower-5", "delay-3", "range-30", "sector-90", "noise-10", "robots-26")
+ALL = (NONE, "silence", DEATHS, "one-death", "wreck", "spoof", "bursts", "speeds", "bodies", *EXAMPLES)
 """All conditions, with examples of those with a number."""
 
 
@@ -133,6 +136,7 @@ def condition_of(name: str, duration_s: float) -> Condition:
         next((part.robots for part in parts if part.robots is not None), None),
         tuple(share for part in parts for share in part.speeds),
         next((part.models for part in parts if part.models), ()),
+        {name: value for part in parts for name, value in part.settings.items()},
     )
 
 
@@ -149,6 +153,7 @@ def _part_of(part: str, duration_s: float) -> Condition | None:
         "spoof": Condition([{"kind": "spoof", "as": "r1", "payload": "random"}]),
         DEATHS: Condition(deaths, 3),
         "one-death": Condition([_death("r2", duration_s * ONE_DEATH)]),
+        "wreck": Condition([_death("r2", duration_s * ONE_DEATH) | {"wreck": "stays"}]),
         "bursts": Condition([BURSTS]),
         "speeds": Condition(speeds=(lambda index, count: SLOWEST + (FASTEST - SLOWEST) * index / (count - 1),)),
         "bodies": Condition(models=BODIES),
@@ -158,6 +163,10 @@ def _part_of(part: str, duration_s: float) -> Condition | None:
 
 def _death(robot: str, at_s: float) -> dict[str, Any]:
     return {"kind": "kill", "who": robot, "at": round(at_s, 3), "wreck": "removed"}
+
+
+def _noise(off_m: float) -> dict[str, Any]:
+    return {"kind": "drift", "who": "all", "noise": off_m}
 
 
 def _jitter(size: float) -> dict[str, Any]:

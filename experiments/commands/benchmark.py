@@ -153,10 +153,11 @@ def benchmark(
     A cell is one policy on one terrain, in one team, under one condition; it is run once with each seed. Conditions are
     none, loss-50 (each frame is lost with 50 %), bursts (50 % are, 8 ticks at a time), delay-3 (frames are 3 s late),
     range-30 (they reach 30 m), silence (no robot hears another), deaths (two robots die at 300 and 1100 s, earlier in
-    runs shorter than 1800 s), one-death (one dies at a third of the run), spoof (a stranger sends random positions in
-    the name of r1), jitter-20 (speeds change every 5 s by up to 20 %), slower-5 (r1 is 5 % slower), speeds (from half
-    to 1.25 times the speed), bodies (holonomic, differential, car in turn) and robots-26 (so many robots). Cells whose
-    team is too small for their condition are left out.
+    runs shorter than 1800 s), one-death (one dies at a third of the run), wreck (the same, and it stays there), spoof
+    (a stranger sends random positions in the name of r1), sector-90 (the sensor sees 90 degrees ahead), noise-10
+    (positions are off by 10 cm), jitter-20 (speeds change every 5 s by up to 20 %), slower-5 (r1 is 5 % slower), speeds
+    (from half to 1.25 times the speed), bodies (holonomic, differential, car in turn) and robots-26 (so many robots).
+    Cells whose team is too small for their condition are left out.
 
     The folder gets benchmark.md (tables and figures), runs.csv with the command that makes each run again, cells.csv
     with means and 95 % intervals, and figures/. Runs that have a result there are not repeated, so an interrupted

@@ -60,6 +60,12 @@ def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -
     assert condition_of(name, 5000.0).add_to({"robots.count": 4}).get("faults", []) == faults
 
 
+def test_a_condition_may_change_the_sensor() -> None:
+    added = condition_of("sector-90+noise-20+loss-4", 600.0).add_to({"robots.count": 4, "sensor.angle": 360})
+    assert added["sensor.angle"] == 90
+    assert added["faults"] == [{"kind": "drift", "who": "all", "noise": 0.2}, {"kind": "loss", "rate": 0.04}]
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_a_scenario_under_each_condition_is_valid(name: str) -> None:
     one = matrix(policies=read_policies("stochastic"), teams=(4,), conditions=(name,), seeds=(1,))
@@ -147,6 +153,7 @@ def test_what_is_no_condition_is_refused(name: str) -> None:
         ("deaths+jitter-100", "jitter-100: expected jitter-1 to jitter-99, in whole %"),
         ("slower-100", "slower-100: expected slower-1 to slower-99, in whole %"),
         ("delay-61", "delay-61: expected delay-1 to delay-60, in whole s"),
+        ("sector-361", "sector-361: expected sector-1 to sector-360, in whole degrees"),
         ("range-0", "range-0: expected range-1 to range-1000, in whole m"),
         ("robots-9999999", "robots-9999999: expected robots-1 to robots-65000, in whole robots"),
         ("burst", "burst: no such condition; did you mean bursts?"),
