@@ -26,7 +26,7 @@ from patrol.pose import Drive, is_halt, wrap
 if TYPE_CHECKING:
     from agent.routes.ground import Spot
     from agent.view import View
-    from patrol.pose import Pose
+    from patrol.pose import Command, Pose
 
 ORIENTED = math.pi / 8
 """Largest deviation from the desired heading that counts as oriented, rad: half of one of eight sectors."""
@@ -87,19 +87,20 @@ class CarBody(BodyBase):
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
         self._step = setup.step
         self._unstuck = Unstuck(self._steering, setup.spec.speed)
-        self._turns_at: Spot | None = None  # the place at which it turns to face where the place says
+        self._turned_at: Spot | None = None  # the place at which it has begun to turn to where the place says
+        self._is_turning = False  # it gets unstuck only to do so
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
         if setup.patrol.manoeuvres:
-            point, sees_behind = setup.ground.terrain.point, setup.sees_all_round
-            moves = car_moves(setup.spec, setup.step, point, sees_behind=sees_behind)
+            point, sees_all_round = setup.ground.terrain.point, setup.sees_all_round
+            moves = car_moves(setup.spec, setup.step, point, sees_all_round=sees_all_round)
             self.manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
             self._parking = self.manoeuvres.parking
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         if view.bumped and self.manoeuvres is not None:
             self.manoeuvres.drop()
-        if self._turns_at is not None and not (isinstance(intent, Place) and (intent.x, intent.y) == self._turns_at):
-            # What it turned to see has been seen.
+        if self._turned_at is not None and not (isinstance(intent, Place) and (intent.x, intent.y) == self._turned_at):
+            # The place is another one: what it turned to see has been seen, or given up.
             self._forget_way()
         if self._unstuck.active and not isinstance(intent, Steer):
             return self._go_on_leaving(intent, view)
@@ -118,7 +119,7 @@ class CarBody(BodyBase):
             choice = self._drive_ahead(view, bearing, goal, intent.state, bumped=False)
         else:
             out = self._leave_dead_end(view) if is_halt(drive) else None
-            choice = out or Choice(drive, State.DEAD_END if self._turns_at is None else intent.state, None, goal)
+            choice = out or Choice(drive, intent.state if self._is_turning else State.DEAD_END, None, goal)
         return replace(choice, bearing=bearing, goal=goal) if isinstance(intent, Place) else choice
 
     def _take_bearing(self, intent: Bearing, view: View) -> Choice:
@@ -175,20 +176,31 @@ class CarBody(BodyBase):
         if near and not exact and not view.bumped:
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
         if self.manoeuvres is not None:
-            is_there = exact and view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
-            drive = self._turn_to(place, pose) if is_there else self.manoeuvres.next(view, spot, exact=exact)
+            arcs = self.manoeuvres
+            drive = self._drive_onto(arcs, place, spot, view) if exact else arcs.next(view, spot)
             if drive is not None:
                 return Choice(drive, place.state, bearing, goal)
         choice = self._drive_ahead(view, bearing, goal, place.state, bumped=view.bumped)
         return replace(choice, bearing=bearing, goal=goal)
 
-    def _turn_to(self, place: Place, pose: Pose) -> Drive:
-        """Return the first step of a turn to where a place says to face, in reverse and forward; a halt without one."""
-        if place.heading is None or abs(wrap(place.heading - pose.heading)) <= ORIENTED:
+    def _drive_onto(self, arcs: Manoeuvres, place: Place, spot: Spot, view: View) -> Command | None:
+        """Return the next step to the point of a place; a halt there, once the car faces where the place says.
+
+        A car that does not face there turns, in reverse and forward, and then comes back facing there.
+        """
+        pose, heading = view.pose, place.heading
+        is_there = view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
+        if is_there and (heading is None or abs(wrap(heading - pose.heading)) <= ORIENTED):
             return Drive(0.0, 0.0)
-        self._turns_at = place.x, place.y
-        self._unstuck.begin(place.heading)
-        return self._unstuck.step(pose, bumped=False) or Drive(0.0, 0.0)
+        if self._turned_at is not None:
+            if (drive := arcs.next(view, spot, exact=True, facing=heading)) is not None:
+                return drive
+            self._turned_at = None
+        if not is_there or heading is None:
+            return arcs.next(view, spot, exact=True)
+        self._turned_at, self._is_turning = (place.x, place.y), True
+        self._unstuck.begin(heading)
+        return self._unstuck.step(pose, bumped=False)
 
     def _drive_ahead(self, view: View, bearing: float | None, goal: Goal | None, state: str, *, bumped: bool) -> Choice:
         """Drive towards the goal ahead in direction ``bearing`` (rad), or begin to leave a dead end."""
@@ -199,13 +211,14 @@ class CarBody(BodyBase):
             return Choice(drive, state, bearing, goal)
         if (back := self._leave_dead_end(view)) is not None:
             return back
+        self._is_turning = False
         self._unstuck.begin(bearing)
         out = self._unstuck.step(view.pose, bumped=False)
         return Choice(out or Drive(0.0, 0.0), State.DEAD_END, bearing, goal)
 
     def _forget_way(self) -> None:
         super()._forget_way()
-        self._turns_at, self._unstuck.active = None, False
+        self._turned_at, self._unstuck.active = None, False
 
     def _step_to(self, pose: Pose, spot: Spot) -> Drive:
         self._unstuck.active = False

@@ -45,9 +45,11 @@ TURNS = (0.125, -0.125, 0.25, -0.25, 0.5, -0.5)
 TIGHTEST_RADII = 2.0
 """Radius of a differential robot's tightest arcs, in radii of its body."""
 
-REVERSE, REVERSE_BLIND = 1.1, 3.0
-"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead; and a car
-whose sensor looks ahead sees nothing new meanwhile."""
+REVERSE = 1.1
+"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead."""
+
+REVERSE_BLIND = 3.0
+"""The same for a car whose sensor does not look all round, and so sees little that is new meanwhile."""
 
 GEAR_CHANGE = 0.3
 """Cost of a change between forward and reverse, in turning radii. It takes no time, but a plan of many is fragile."""
@@ -82,6 +84,9 @@ MARGIN = 8.0
 NEAR = 0.5
 """A search ends where at most so many strides of the way are left."""
 
+FACING = 0.35
+"""By how much the heading may be off at the end of a search for arcs that end in one, rad."""
+
 ON_IT = 0.25
 """The way left on the point of a place, in points: less than to a neighbour."""
 
@@ -108,12 +113,12 @@ class Moves:
     cell: float  # side of the grid that tells poses apart, m; arcs that end in their first cell are left out
 
 
-def car_moves(spec: RobotSpec, step: float, point: float, *, sees_behind: bool) -> Moves:
+def car_moves(spec: RobotSpec, step: float, point: float, *, sees_all_round: bool) -> Moves:
     """Return the moves of a car; `step` is in s per tick, `point` is the side of the terrain's points in m."""
     stride = spec.speed * step
     ticks = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
     # A body that turns sideways by less than a cell would never leave its first one.
-    moves = _arcs(spec.speed, spec.turning_radius, ticks, step, REVERSE if sees_behind else REVERSE_BLIND)
+    moves = _arcs(spec.speed, spec.turning_radius, ticks, step, REVERSE if sees_all_round else REVERSE_BLIND)
     return Moves(moves, spec.turning_radius, max(0.5 * stride * ticks * SHORT, point))
 
 
@@ -181,6 +186,7 @@ class Manoeuvres:
         self._plan: deque[Command] = deque()
         self._place: Spot | None = None
         self._exact = False
+        self._facing: float | None = None
         self._expected: Pose | None = None
 
     def drop(self) -> None:
@@ -188,11 +194,15 @@ class Manoeuvres:
         self._plan.clear()
         self._place = None
 
-    def next(self, view: View, place: Spot, *, exact: bool = False) -> Command | None:
+    def next(self, view: View, place: Spot, *, exact: bool = False, facing: float | None = None) -> Command | None:
         """Return the next step towards a place; None where no arc brings the body nearer.
 
-        With `exact` the body has to end on the very point of the place, as others hear it.
+        With `exact` the body has to end on the very point of the place, as others hear it. It has to end about in the
+        heading `facing`, rad, if arcs are found that do.
         """
+        if facing != self._facing:
+            self.drop()
+            self._facing = facing
         # A place that has moved by less than a search ends before it needs no new search.
         off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
         if off > (0.0 if exact else self._near):
@@ -320,6 +330,8 @@ class Manoeuvres:
                     near,
                     progress,
                     CM_PER_M,
+                    0.0 if self._facing is None else self._facing,
+                    math.pi if self._facing is None else FACING,
                     MOST_NODES,
                     arcs,
                 )

@@ -166,20 +166,21 @@ def _measure(distance, curvature, shape):
 @njit(
     int64(
         MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
-        float64, ARCS, FLAGS, float64, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
+        float64, ARCS, FLAGS, float64, float64, float64, float64, float64, float64, float64, float64, float64, float64,
+        int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
     blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, begins, gear_change,
-    cell, radius, clearance, turning, near, progress, units, most, found,
+    cell, radius, clearance, turning, near, progress, units, facing, askew, most, found,
 ):
     """Find arcs that bring a body nearer to its goal.
 
     Nodes are poses, told apart by a grid of ``cell`` and `HEADINGS`. The search ends at the first node from which the
-    way left is at most ``near`` or shorter by ``progress`` than at the start. When it ends without one, the arcs lead
-    to the node with the shortest way left.
+    way left is at most ``near``, in a heading that counts; or shorter by ``progress`` than at the start, where that is
+    still more than ``near``. When it ends without one, the arcs lead to the node with the shortest way left.
 
     Args:
         blocked: uint8 (h, w), 1 where no body may be.
@@ -209,6 +210,8 @@ def search(
         near: How short the way left has to be for the search to end, m.
         progress: How much shorter than at the start it has to be for the search to end, m.
         units: To how many parts of a metre places are rounded before the way left is looked up: as others hear them.
+        facing: The heading in which the search may end near the goal, rad.
+        askew: By how much it may be off there, rad; pi for any heading.
         most: Largest number of nodes to look at.
         found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
 
@@ -271,7 +274,8 @@ def search(
         # More than rounding, so that of equal nodes the first stays the best.
         if pleft[node] < pleft[best] - 1e-9:
             best = node
-        if pleft[node] <= near or pleft[node] <= first_left - progress:
+        off = abs((ph[node] - facing + math.pi) % (2.0 * math.pi) - math.pi)
+        if (pleft[node] <= near and off <= askew) or near < pleft[node] <= first_left - progress:
             goal = node
             break
         for index in range(arcs.shape[0]):

@@ -7,7 +7,7 @@ import pytest
 from agent.bodies.car import ORIENTED
 from agent.ports import Place, State
 from patrol.pose import Drive, Pose, wrap
-from tests.agent.plans import Robots, Says, plan, prepared_in
+from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
 
 HALL = plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0))
 
@@ -37,18 +37,13 @@ def test_it_reverses_far_only_if_it_sees_all_round(angle: float) -> None:
 
 
 @pytest.mark.parametrize("heading", [math.pi / 2, math.pi, -2.0])
-@pytest.mark.parametrize("spot", [(7.0, 4.0), (12.0, 7.5)])
-def test_it_turns_at_an_exact_place_to_face_where_the_place_says(spot: tuple[float, float], heading: float) -> None:
+@pytest.mark.parametrize("spot", [(7.0, 4.0), (12.0, 7.5), (13.5, 7.5)])
+def test_it_ends_on_an_exact_place_and_faces_where_the_place_says(spot: tuple[float, float], heading: float) -> None:
     alone = car_in_hall(Pose(2.0, 4.0, 0.0), Place(*spot, exact=True, heading=heading), 90.0)
-    states, was_there = set(), False
-    for _ in range(80):
-        states.add(alone.tick()[0].state)
-        was_there = was_there or alone.apart(spot) < 0.2
-        if was_there and abs(wrap(heading - alone.bodies[0].pose.heading)) <= ORIENTED:
-            break
-    else:
-        pytest.fail(f"it is at {alone.bodies[0].pose}")
-    assert alone.apart(spot) < 1.5
+    states = {alone.tick()[0].state for _ in range(120)}
+    assert alone.apart(spot) < 2.0 * POINT
+    assert abs(wrap(heading - alone.bodies[0].pose.heading)) <= ORIENTED
+    assert drive_of(alone).speed == 0.0
     assert states == {State.PATROLLING}
 
 

@@ -215,7 +215,7 @@ def found_in(
     grids = (terrain.blocked, terrain.room, nothing, lengths, 0, 0, limit)
     moves = [Drive(*arc) for arc in ARCS] + [Twist(0.0, turn) for turn in (ON_THE_SPOT if turns else ())]
     begins = np.array([path_is_free(terrain, pose, move, 1.0, radius) for move in moves], dtype=np.uint8)
-    count = search(*grids, *place, np.array(arcs), begins, *sizes, MOST_NODES, found)
+    count = search(*grids, *place, np.array(arcs), begins, *sizes, 0.0, math.pi, MOST_NODES, found)
     return [moves[index] for index in found[:count]]
 
 
