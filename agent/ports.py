@@ -128,7 +128,7 @@ class Place:
         others: Where the policy knows the other robots to be now, by number, in place of where they were heard; None
             for the latter.
         heading: Where to face, rad: a holonomic robot on its way too, others once they are there. A car does so where
-            the place is exact, within an eighth of pi, and comes back to the place after that. None for any heading.
+            the place is exact and it searches for manoeuvres, to an eighth of pi. None for any heading.
     """
 
     x: float

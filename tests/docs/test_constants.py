@@ -82,7 +82,7 @@ STATED: list[tuple[str, str, tuple[float, ...]]] = [
     ("algorithm", "at least # stations for each (`LEAST_BEST`)", (stochastic.LEAST_BEST,)),
     ("algorithm", "of about # stations at most (`STATIONS_TOGETHER`)", (known_stations.STATIONS_TOGETHER,)),
     ("algorithm", "more than # stations (`MOST_PLANNED`)", (stochastic.MOST_PLANNED,)),
-    ("algorithm", "(a tour of # places)", (search.MOST_PLACES,)),
+    ("algorithm", "(a tour of more than # places)", (search.MOST_PLACES,)),
     ("algorithm", "Reverse costs # times forward", (manoeuvre.REVERSE,)),
     ("algorithm", "reverse costs it # times forward (`REVERSE_BLIND`)", (manoeuvre.REVERSE_BLIND,)),
     ("algorithm", "(# times for a car that", (manoeuvre.REVERSE_BLIND,)),

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from agent.bodies.car import ORIENTED
-from agent.ports import Place, State
+from agent.ports import Bearing, Place, State
 from patrol.pose import Drive, Pose, wrap
 from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
 
@@ -54,3 +54,11 @@ def test_it_turns_no_further_once_it_is_sent_elsewhere() -> None:
     alone.minds[0].policy = Says(Place(12.0, alone.bodies[0].pose.y, exact=True))
     alone.tick()
     assert drive_of(alone).speed > 0.0
+
+
+def test_a_dead_end_in_which_it_does_not_turn_to_a_place_is_reported() -> None:
+    narrow = plan((9.0, 1.0), (0.0, 0.1, 9.0, 0.9))
+    body = {"model": "car", "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
+    alone = Robots(prepared_in(narrow, [Pose(8.6, 0.5, 0.0)], body, sensor={"angle": 90.0}), Bearing((math.pi,)))
+    states = [alone.tick()[0].state for _ in range(20)]
+    assert states.count(State.DEAD_END) > 10

@@ -14,7 +14,8 @@ import pytest
 from agent.build import Shared, build_mind
 from agent.policies.commitment import Commitment
 from agent.policies.pursuit import GivenUp, Target
-from agent.ports import Decision, State
+from agent.ports import Bearing, Decision, Intent, Place, State
+from agent.view import View
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
@@ -236,6 +237,30 @@ def test_looks_that_leave_some_of_the_age_count_as_progress() -> None:
     old = [change for change in changes(robots, 300) if change.old.age > 40]
     assert len(old) >= 2
     assert all(change.age < 0.5 * change.old.age for change in old)
+
+
+@pytest.mark.parametrize(("sensor", "moves"), [({"angle": 90}, False), ({"quality": 0.5}, True)])
+def test_on_its_stand_a_car_turns_to_what_it_came_to_see_or_looks_from_elsewhere(
+    sensor: dict[str, Any], moves: bool
+) -> None:
+    """A sensor that looks all round sees the same whichever way the car faces."""
+    robots = Robots(alone(two_rooms(), model="car", sensor=sensor))
+    policy, there = robots.policy(Commitment), []
+    decide = policy.decide
+
+    def note(view: View) -> Intent:
+        intent = decide(view)
+        if isinstance(intent, Place | Bearing) and intent.figures.get("way_m") == 0.0:
+            there.append(intent)
+        return intent
+
+    policy.decide = note  # type: ignore[method-assign]
+    for _ in range(300):
+        robots.tick()
+    headed = [intent for intent in there if isinstance(intent, Place) and intent.exact and intent.heading is not None]
+    assert there
+    assert headed == ([] if moves else there)
+    assert any(isinstance(intent, Bearing) for intent in there) is moves
 
 
 def test_in_a_long_corridor_the_far_end_is_within_reach() -> None:
