@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import prod
+from math import ceil, prod
 from typing import Any
 
 from patrol.errors import BadInput, did_you_mean
@@ -27,6 +27,9 @@ ONE_DEATH = 1.0 / 3.0
 
 JITTER_S = 5.0
 """How long a jittered speed holds, s: about a leg between two vertices."""
+
+JUMP_M, JUMPS_EVERY_S, JUMP_S = 1.0, 60.0, 5.0
+"""How far positions jump under `jumps`, m, how often, and how long they then stay off, s."""
 
 SLOWEST, FASTEST = 0.5, 1.25
 """Speeds of the first and the last robot under `speeds`, as shares of the scenario's speed."""
@@ -106,7 +109,7 @@ NUMBERED: Mapping[str, Numbered] = {
 """Conditions with a number, by the prefix of their names."""
 
 EXAMPLES = ("loss-50", "loss-90", "jitter-20", "slower-5", "delay-3", "range-30", "sector-90", "noise-10", "robots-26")
-ALL = (NONE, "silence", DEATHS, "one-death", "wreck", "spoof", "bursts", "speeds", "bodies", *EXAMPLES)
+ALL = (NONE, "silence", DEATHS, "one-death", "wreck", "spoof", "bursts", "jumps", "speeds", "bodies", *EXAMPLES)
 """All conditions, with examples of those with a number."""
 
 
@@ -155,6 +158,7 @@ def _part_of(part: str, duration_s: float) -> Condition | None:
         "one-death": Condition([_death("r2", duration_s * ONE_DEATH)]),
         "wreck": Condition([_death("r2", duration_s * ONE_DEATH) | {"wreck": "stays"}]),
         "bursts": Condition([BURSTS]),
+        "jumps": Condition(_jumps(duration_s), 1),
         "speeds": Condition(speeds=(lambda index, count: SLOWEST + (FASTEST - SLOWEST) * index / (count - 1),)),
         "bodies": Condition(models=BODIES),
     }
@@ -167,6 +171,15 @@ def _death(robot: str, at_s: float) -> dict[str, Any]:
 
 def _noise(off_m: float) -> dict[str, Any]:
     return {"kind": "drift", "who": "all", "noise": off_m}
+
+
+def _jumps(duration_s: float) -> list[dict[str, Any]]:
+    """Return the faults in which the positions of all robots jump to one side after another, and back."""
+    sides = ((JUMP_M, 0.0), (0.0, JUMP_M), (-JUMP_M, 0.0), (0.0, -JUMP_M))
+    return [
+        {"kind": "drift", "who": "all", "at": number * JUMPS_EVERY_S, "for": JUMP_S, "bias": list(sides[number % 4])}
+        for number in range(1, ceil(duration_s / JUMPS_EVERY_S))
+    ]
 
 
 def _jitter(size: float) -> dict[str, Any]:

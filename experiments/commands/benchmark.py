@@ -116,12 +116,12 @@ class Comparison:
         seeds = count_of_seeds(int(count))
         if preset is not None:
             for name in ("teams", "conditions", "duration", "point", "model", "quick"):
-                may_differ = name in ("conditions", "duration") and not preset.published
+                may_differ = name in ("conditions", "duration", "model") and not preset.published
                 if getattr(self, name) not in (None, False) and not may_differ:
                     raise BadInput(f"--{name}: --preset {self.preset} says what is run; leave it out, or drop --preset")
             conditions = None if self.conditions is None else read_conditions(self.conditions)
-            if self.duration is not None:
-                overrides["duration"] = self.duration
+            of_runs = {"duration": self.duration, "robots.model": self.model}
+            overrides.update({name: value for name, value in of_runs.items() if value is not None})
             return preset.matrix(chosen, grounds, seeds, overrides, conditions)
         return Matrix(
             chosen,
@@ -155,9 +155,9 @@ def benchmark(
     range-30 (they reach 30 m), silence (no robot hears another), deaths (two robots die at 300 and 1100 s, earlier in
     runs shorter than 1800 s), one-death (one dies at a third of the run), wreck (the same, and it stays there), spoof
     (a stranger sends random positions in the name of r1), sector-90 (the sensor sees 90 degrees ahead), noise-10
-    (positions are off by 10 cm), jitter-20 (speeds change every 5 s by up to 20 %), slower-5 (r1 is 5 % slower), speeds
-    (from half to 1.25 times the speed), bodies (holonomic, differential, car in turn) and robots-26 (so many robots).
-    Cells whose team is too small for their condition are left out.
+    (positions are off by 10 cm), jumps (by 1 m, for 5 s every 60 s), jitter-20 (speeds change every 5 s by up to 20 %),
+    slower-5 (r1 is 5 % slower), speeds (from half to 1.25 times the speed), bodies (holonomic, differential, car in
+    turn) and robots-26 (so many robots). Cells whose team is too small for their condition are left out.
 
     The folder gets benchmark.md (tables and figures), runs.csv with the command that makes each run again, cells.csv
     with means and 95 % intervals, and figures/. Runs that have a result there are not repeated, so an interrupted

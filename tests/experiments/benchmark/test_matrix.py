@@ -66,6 +66,13 @@ def test_a_condition_may_change_the_sensor() -> None:
     assert added["faults"] == [{"kind": "drift", "who": "all", "noise": 0.2}, {"kind": "loss", "rate": 0.04}]
 
 
+def test_jumps_are_as_frequent_in_any_run() -> None:
+    first, *_, last = condition_of("jumps", 1200.0).faults
+    assert first == {"kind": "drift", "who": "all", "at": 60.0, "for": 5.0, "bias": [0.0, 1.0]}
+    assert (last["at"], last["bias"]) == (1140.0, [0.0, -1.0])
+    assert not condition_of("jumps", 60.0).faults
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_a_scenario_under_each_condition_is_valid(name: str) -> None:
     one = matrix(policies=read_policies("stochastic"), teams=(4,), conditions=(name,), seeds=(1,))

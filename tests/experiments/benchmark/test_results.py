@@ -200,7 +200,7 @@ def test_the_preset_of_conditions_can_be_planned_in_any_folder(tmp_path: Path, m
     terrains = f"{present(preset.terrains)},{office}"
     matrix = preset.matrix(read_policies("cr"), read_terrains(terrains), (1,), {})
     plan = matrix.plan()
-    assert len(plan.cases) == 24 * 3
+    assert len(plan.cases) == 25 * 3
     assert {run.scenario.duration for run in plan.runs} == {1200.0}
     by_point = {1.0: (4.4, 1.0), 0.2: (1.0, 0.3)}
     for run in plan.runs:
