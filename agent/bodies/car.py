@@ -102,9 +102,25 @@ class CarBody(BodyBase):
         if self._turned_at is not None and not (isinstance(intent, Place) and (intent.x, intent.y) == self._turned_at):
             # The place is another one: what it turned to see has been seen, or given up.
             self._forget_way()
+        if isinstance(intent, Bearing) and (aside := self._step_at_random(intent, view)) is not None:
+            return aside
         if self._unstuck.active and not isinstance(intent, Steer):
             return self._go_on_leaving(intent, view)
         return super()._carry_out(intent, view)
+
+    def _step_at_random(self, intent: Bearing, view: View) -> Choice | None:
+        """Return a random step, forward or else in reverse; None if there is none, or neither is free.
+
+        The paper has them at every step, so also in a dead end and after a bump, where a car could repeat itself.
+        """
+        if intent.wander is None or view.start is None:
+            return None
+        state = State.DEAD_END if self._unstuck.active and not self._is_turning else intent.state
+        for speed in (self.spec.speed, -self.spec.speed):
+            drive = self._steering.turning(view.pose, intent.wander, speed)
+            if self._steering.is_free(view.pose, drive):
+                return Choice(drive, state, intent.wander)
+        return None
 
     def _go_on_leaving(self, intent: Bearing | Place | Stay, view: View) -> Choice:
         """Take the next step out of a dead end, or once it has been left, one to where an intent leads."""
@@ -126,11 +142,6 @@ class CarBody(BodyBase):
         bearing, goal = self._find_direction(intent, view)
         if view.start is None:
             return self._proceed_on_manoeuvre(intent.state, view) or self._come_back(view)
-        # After a bump a random step would lead into the same obstacle.
-        if intent.wander is not None and not view.bumped:
-            aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
-            if self._steering.is_free(view.pose, aside):
-                return Choice(aside, intent.state, intent.wander)
         return self._drive_ahead(view, bearing, goal, intent.state, bumped=view.bumped)
 
     def _find_direction(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:

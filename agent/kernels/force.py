@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit, types
 
 INTS = types.Array(types.int32, 1, "C", readonly=True)
@@ -24,6 +25,21 @@ int64 = types.int64
 boolean = types.boolean
 index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
+
+
+CLEAR = 1e-9
+"""Distance to a sector's edge, in points, beyond which rounding cannot decide on which side a point is."""
+
+
+EDGES = types.Array(types.float64, 2, "C")
+
+
+@njit(types.boolean(EDGES, index, float64, float64), cache=True, nogil=True, forceinline=True)
+def _lies_between(edges, sector, up, across):
+    """Return True if an offset clearly lies between the edges of a sector, given as the x and y of their bearings."""
+    after = edges[sector, 0] * up - edges[sector, 1] * across
+    before = edges[sector + index(1), 1] * across - edges[sector + index(1), 0] * up
+    return after > CLEAR and before > CLEAR
 
 
 # fmt: off
@@ -91,6 +107,10 @@ def gather(
     # Neighbours often share their bend, and mostly their sector, so its sum stays at hand until another one's turn.
     up, across, turned = 0.0, 0.0, -1
     is_aside = aside_up != 0.0 or aside_across != 0.0
+    edges = np.empty((sums.size + 1 if is_aside else 0, 2))
+    for number in range(edges.shape[0]):
+        bearing = (number - 0.5) * math.tau / sums.size
+        edges[number, 0], edges[number, 1] = math.cos(bearing), math.sin(bearing)
     slot = index(0)
     total, along, upwards = sums[0], 0.0, 0.0
     if as_vector:
@@ -132,8 +152,8 @@ def gather(
                 up, across = rows_up - aside_up, cols_across - aside_across
                 if not as_vector:
                     into = index(sector[index(middle + rows_up), index(middle + cols_across)])
-                    # The table holds the sectors as seen from the centre of the robot's point.
-                    if is_aside:
+                    # The table holds the sectors as seen from the centre of the robot's point, mostly the same ones.
+                    if is_aside and not _lies_between(edges, into, up, across):
                         turns = math.floor(math.atan2(up, across) * sums.size / math.tau + 0.5)
                         into = index(turns % sums.size)
                     if into != slot:

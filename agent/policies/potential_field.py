@@ -280,8 +280,7 @@ class PotentialField:
         self._tries_others = "one-direction" not in options.paper_rules
         self._stops = "no-stop" not in options.paper_rules
         self._separation = Separation(setup)
-        makes_random_steps = options.random_move_for == "all" or spec.model == "holonomic"
-        self._random_steps = RandomSteps(options.random_move if makes_random_steps else 0.0)
+        self._random_steps = RandomSteps(options.random_move)
         self._fuzzy = FuzzySectors(ground.terrain, options.sectors, lengths.fuzzy_distance) if options.fuzzy else None
         self._field = Field(
             options,

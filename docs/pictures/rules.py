@@ -337,7 +337,7 @@ def draw_unstuck(folder: Path) -> None:
         "duration": 200,
         "seed": 1,
         "patrol.options.ties": "diagonal",
-        "patrol.options.random_move_for": "holonomic",
+        "patrol.options.random_move": 0,
     }
     run = patrol(folder / "unstuck", "clutter", "letter", settings)
     table = run.robots.to_pydict()

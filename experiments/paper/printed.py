@@ -1,4 +1,4 @@
-"""The data of the paper: its Tables 2 to 8 as printed, the settings of each cell, and its conclusions.
+"""The data of the paper: its Tables 2 to 8 as printed, the settings of each cell, and its claims.
 
 `paper.yaml` beside this file holds the data. It also holds, in words, what is assumed where the paper leaves something
 open; that is shown with every table.
@@ -13,7 +13,7 @@ from importlib.resources import files
 
 from pydantic import TypeAdapter
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean
 from patrol.files.yaml_text import parse_yaml
 
 MFOW = "mfow_mean_s"
@@ -37,7 +37,7 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Some cells of one row, one side of a conclusion."""
+    """Some cells of one row, one side of a claim."""
 
     table: int
     row: str
@@ -46,8 +46,8 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True)
-class Conclusion:
-    """A conclusion of the paper: the values of one side are lower than those of the other."""
+class Claim:
+    """A claim of the paper: the values of one side are lower than those of the other."""
 
     says: str
     lower: Side
@@ -60,13 +60,19 @@ class Paper:
 
     settings: Mapping[str, object]  # in every cell, by dotted field of the scenario
     tables: Mapping[int, PaperTable]  # by number
-    conclusions: tuple[Conclusion, ...]
+    claims: Mapping[str, Claim]  # by name
 
     def table(self, number: int) -> PaperTable:
         """Return a table."""
         if number not in self.tables:
             raise BadInput(f"table {number}: no such table; choose from {min(self.tables)} to {max(self.tables)}")
         return self.tables[number]
+
+    def claim(self, name: str) -> Claim:
+        """Return a claim."""
+        if name not in self.claims:
+            raise BadInput(f"claim {name}: no such claim; {did_you_mean(name, list(self.claims))}")
+        return self.claims[name]
 
 
 @cache

@@ -75,7 +75,7 @@ def _translate(words: Sequence[str]) -> list[str]:
         commands = [word for word in old_words.split() if not word.startswith("-")]
         if new[: len(commands)] == commands and options.issuperset(old_words.split()[len(commands) :]):
             raise BadInput(remedy)
-    if new[:1] == ["reproduce"] and len(new) > 1 and new[1] != "table" and not new[1].startswith("-"):
+    if new[:1] == ["reproduce"] and len(new) > 1 and new[1] not in ("table", "claim") and not new[1].startswith("-"):
         raise BadInput(GONE["reproduce figure"])
     if old is not None:
         complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")

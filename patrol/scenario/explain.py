@@ -18,6 +18,7 @@ from patrol.scenario.policies import (
     COMMITTED,
     DEFAULT,
     PAPER,
+    RANDOM_FOR,
     STOCHASTIC,
     TOUR_STATED,
     CommittedOptions,
@@ -208,6 +209,8 @@ def _gone_key(key: str, section: type[Section]) -> str:
         return f"is no setting of patrol; set {GONE[key]}"
     if section is CommittedOptions and key in TOUR_STATED:
         return f"is gone: {COMMITTED} is the tour alone; drop it, or set patrol.policy to {STOCHASTIC}"
+    if section is PotentialFieldOptions and key in RANDOM_FOR:
+        return "is gone: each robot makes random steps; drop it, or set random_move to 0"
     for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):
         if section is options and key in PotentialFieldOptions.model_fields:
             return f"does nothing for the policy {policy}; leave it out, or set patrol.policy to {PAPER}"

@@ -26,7 +26,7 @@ from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS, ms_to_s, s_to_ms
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import PaperPatrol, Patrol, StochasticPatrol, check_letter, check_random_steps
+from patrol.scenario.policies import PaperPatrol, Patrol, StochasticPatrol, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, RobotSpec, SensorSpec, TerrainSpec, roster_of
 from patrol.scenario.step import PAPER_STEP
@@ -168,7 +168,6 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
-            check_random_steps(self.patrol.options, {spec.model for spec in self.roster})
         check_zones(self.zones, self.roster, self.step, self.ticks)
         check_closures(self.closures, self.patrol.paths, self.step)
         names, closures = ([spec.name for spec in specs] for specs in (self.roster, self.closures))

@@ -70,15 +70,14 @@ from patrol.values import (
     wrong,
 )
 
-TOUR_STATED: Mapping[str, Any] = {"unpredictability": 0.0, "random_move": 0.02, "random_move_for": "all"}
+RANDOM_FOR: Mapping[str, Any] = {"random_move_for": "all"}
+"""What files stated while a setting could forbid cars random steps."""
+
+TOUR_STATED: Mapping[str, Any] = {"unpredictability": 0.0, "random_move": 0.02, **RANDOM_FOR}
 """Settings of `committed` that 1.0 had, and what files stated where its robots followed the tour."""
 
-TO_THE_LETTER: Mapping[str, object] = {
-    "patrol.options.letter": True,
-    "patrol.options.ties": "drawn",
-    "patrol.options.random_move_for": "all",
-}
-"""The paper to the letter, by dotted field of the scenario; of random steps it says "each robot", so cars make them."""
+TO_THE_LETTER: Mapping[str, object] = {"patrol.options.letter": True, "patrol.options.ties": "drawn"}
+"""The paper to the letter, by dotted field of the scenario."""
 
 PaperRule = Literal[
     "first-step",
@@ -246,10 +245,7 @@ class PotentialFieldOptions(PatrolOptions):
     dilatation: AutoNotNegative = Field(AUTO, description="m, how far staleness spreads; 0: not at all; auto: 5 radii")
     separation: Separation = Field("none", description=SEPARATIONS)
     random_move: Probability = Field(
-        0.1, description="probability of a random step in a tick, so that patrols stay unpredictable"
-    )
-    random_move_for: Literal["holonomic", "all"] = Field(
-        "holonomic", description="holonomic | all (as printed: each robot), the bodies that make random steps"
+        0.1, description="probability of a random step in a tick, of each robot, so that patrols stay unpredictable"
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
@@ -492,19 +488,6 @@ def _rule_needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[
         "plain-unstuck": ("car" in bodies, "set a robot's model to car"),
         "surround-forces": (intruders, "give intruders"),
     }
-
-
-def check_random_steps(options: PotentialFieldOptions, models: Iterable[str]) -> None:
-    """Refuse a probability of random steps that no robot makes, and whose switch is not stated.
-
-    As for `PatrolOptions.NEEDS` it is accepted where both are stated; so are 0 and the default, which promise nothing.
-    """
-    set_fields, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
-    if "random_move" not in set_fields or "random_move_for" in set_fields or options.random_move in (0.0, default):
-        return
-    if options.random_move_for != "all" and "holonomic" not in models:
-        problem = "has no effect unless patrol.options.random_move_for is all (no robot is holonomic)"
-        raise wrong("patrol.options.random_move", f"{problem}; set that as well, or drop this", options.random_move)
 
 
 class LearnedPatrol(PatrolSpec):

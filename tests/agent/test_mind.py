@@ -69,7 +69,7 @@ def test_robots_never_command_themselves_into_a_wall(model: str, policy: str) ->
 
 
 def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuck() -> None:
-    decisions = patrol(scenario_of("car", **PAPERS), 300)
+    decisions = patrol(scenario_of("car", options={"random_move": 0.0}, **PAPERS), 300)
     for decision in (d for decided in decisions for d in decided):
         assert isinstance(decision.command, Drive)
         assert abs(decision.command.curvature) <= 1 / 3.5
@@ -100,7 +100,7 @@ def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
 
 
 def test_a_bumped_car_backs_out() -> None:
-    mind = mind_of(scenario_of("car", **PAPERS))
+    mind = mind_of(scenario_of("car", options={"random_move": 0.0}, **PAPERS))
     pose = Pose(12.0, 15.0, 0.0)
     assert mind.step(at(0, pose), []).state is State.PATROLLING
     decision = mind.step(at(1, pose, bumped=True), [])

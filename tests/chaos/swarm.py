@@ -228,7 +228,6 @@ class _Drawing:
             paths = dice.choice("wave", "straight", "regions")
             options = {
                 "random_move": dice.between(0.0, 0.3),
-                "random_move_for": "holonomic",
                 "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
                 "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
                 "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),

@@ -62,3 +62,18 @@ def test_a_dead_end_in_which_it_does_not_turn_to_a_place_is_reported() -> None:
     alone = Robots(prepared_in(narrow, [Pose(8.6, 0.5, 0.0)], body, sensor={"angle": 90.0}), Bearing((math.pi,)))
     states = [alone.tick()[0].state for _ in range(20)]
     assert states.count(State.DEAD_END) > 10
+
+
+def test_it_steps_at_random_in_dead_ends_too_and_in_reverse_where_it_cannot_forward() -> None:
+    narrow = plan((9.0, 1.0), (0.0, 0.1, 9.0, 0.9))
+    body = {"model": "car", "radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
+    alone = Robots(prepared_in(narrow, [Pose(8.6, 0.5, 0.0)], body), Bearing((0.0,)))
+    assert State.DEAD_END in {alone.tick()[0].state for _ in range(3)}
+    alone.minds[0].policy = Says(Bearing((0.0,), wander=0.1))
+    decision = alone.tick()[0]
+    assert (decision.direction, decision.state) == (0.1, State.DEAD_END)
+    for heading, forward in ((0.0, False), (math.pi, True)):
+        alone = Robots(prepared_in(narrow, [Pose(8.6, 0.5, heading)], body), Bearing((0.0,), wander=heading))
+        decision = alone.tick()[0]
+        assert (drive_of(alone).speed > 0.0) is forward
+        assert (decision.direction, decision.state) == (heading, State.PATROLLING)

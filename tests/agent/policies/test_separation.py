@@ -109,8 +109,7 @@ def test_without_rivals_claims_change_nothing() -> None:
     ("policy", "options", "model", "probability"),
     [
         ("potential-field", {}, "holonomic", 0.1),
-        ("potential-field", {}, "car", 0.0),
-        ("potential-field", {"random_move_for": "all", "random_move": 0.25}, "car", 0.25),
+        ("potential-field", {"random_move": 0.25}, "car", 0.25),
         ("agent.policies.commitment:Commitment", {}, "car", 0.02),
     ],
 )

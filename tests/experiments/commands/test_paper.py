@@ -23,7 +23,7 @@ def test_a_table_is_made_to_the_letter(tmp_path: Path, run: Command) -> None:
     said = output(run(*TABLE, "4", "--letter", "--rows", "wave+mode", "--columns", "3", "--seeds", "1", *QUICK))
     assert "`patrol.options.letter: True`" in said
     page = (tmp_path / "runs" / "paper-letter" / "paper.md").read_text()
-    assert "`patrol.options.random_move_for: all`" in page
+    assert "`patrol.options.ties: drawn`" in page
 
 
 @pytest.mark.processes
@@ -35,7 +35,7 @@ def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Command) -> None
     assert "Assumed: no dilatation" in said
     assert "`sensor.range: 11`" in said
     assert "(80.7) " in said
-    assert "| on the open field vector sum is slightly better than mode (f3 g4) | " in said
+    assert "| open-field | on the open field vector sum is slightly better than mode (f3 g4) | " in said
     rows = list(csv.DictReader((tmp_path / "cells.csv").read_text().splitlines()))
     cells = [(row["table"], row["row"], row["column"], row["paper"], row["seeds"]) for row in rows]
     assert cells == [
@@ -55,6 +55,21 @@ def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Command) -> None
     said = output(run(*TABLE, "2", *part, *QUICK, "--out", str(tmp_path)))
     assert "0 runs made" in said
     assert not (tmp_path / "figures" / "table-3-cases-mfow_mean_s.png").exists(), "the plan no longer has it"
+
+
+@pytest.mark.processes
+def test_a_claim_is_tested_by_its_name(run: Command) -> None:
+    assert "| open-field | on the open field vector sum is slightly better" in output(run("reproduce", "claim"))
+    said = output(run("reproduce", "claim", "open-field", "--seeds", "2", *QUICK, "--out", "out"))
+    assert "# The paper's claim open-field\n" in said
+    assert said.count("| f3 (s) |") == 2
+    verdict = said.partition("| open-field | on the open field vector sum is slightly better than mode (f3 g4) | ")[2]
+    assert verdict.partition(" |")[0] in ("holds", "fails", "undecided")
+    assert " | 0.90 |\n" in verdict
+
+
+def test_an_unknown_claim_is_refused(run: Command) -> None:
+    refuses(run("reproduce", "claim", "fuzy"), "claim fuzy: no such claim; did you mean fuzzy")
 
 
 @pytest.mark.parametrize(

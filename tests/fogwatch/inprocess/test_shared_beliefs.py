@@ -15,10 +15,7 @@ from tests.fleets import end_of
 from worldsim.world import World
 
 TICKS = 24
-DILATED: dict[str, Any] = {
-    "policy": "potential-field",
-    "options": {"separation": "claims", "random_move": 0.02, "random_move_for": "all"},
-}
+DILATED: dict[str, Any] = {"policy": "potential-field", "options": {"separation": "claims", "random_move": 0.02}}
 
 FAULTS: Mapping[str, list[dict[str, Any]]] = {
     "none": [],

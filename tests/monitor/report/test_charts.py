@@ -23,7 +23,7 @@ from tests.present import present
 def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
     faults = [{"kind": "kill", "who": "r1", "at": 20}]
     intruders = [{"place": [50, 44], "at": 5, "for": 10}]
-    options = {"separation": "claims", "random_move": 0.1, "random_move_for": "all"}
+    options = {"separation": "claims", "random_move": 0.1}
     patrol = {"policy": "potential-field", "options": options}  # so that they come by in time
     scenario = {**QUIET, "faults": faults, "intruders": intruders, "patrol": patrol}
     run = open_run(run_of(tmp_path, scenario).folder)

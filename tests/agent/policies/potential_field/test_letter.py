@@ -18,7 +18,7 @@ from agent.policies.potential_field import Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.psi import psi_field
 from agent.routes.ground import Ground
-from agent.routes.path_window import CENTRE
+from agent.routes.path_window import CENTRE, Aside
 from agent.view import View
 from fogwatch.inprocess import run_in_process
 from fogwatch.run_options import preset_settings
@@ -89,14 +89,15 @@ def test_the_lengths_stay_the_same() -> None:
         assert pull_of(place).sums[2] == pull_of(place, letter="first-step", ties=ties).sums[2]
 
 
+@pytest.mark.parametrize("beside", [(0.1, 0.3), (-0.45, 0.2), (0.35, -0.5)])
 @pytest.mark.parametrize("direction_by", ["vector", "mode"])
-def test_fresh_points_pull_a_robot_beside_the_centre_of_its_point(direction_by: str) -> None:
+def test_fresh_points_pull_a_robot_beside_the_centre_of_its_point(direction_by: str, beside: Aside) -> None:
     """g3 falls within a point, so that what the nearest ones leave counts."""
     options: dict[str, Any] = {"paths": "straight", "fow": "f4", "distance": "g3", "direction": direction_by}
-    centre, aside = (pull_of(aside=aside, **options).sums for aside in (CENTRE, (0.1, 0.3)))
+    centre, aside = (pull_of(aside=aside, **options).sums for aside in (CENTRE, beside))
     offsets = [(row - 20.0, col - 20.0) for row in range(41) for col in range(41) if (row, col) != (20, 20)]
     sums = np.zeros(2 if direction_by == "vector" else 8)
-    for up, across in ((up - 0.1, across - 0.3) for up, across in offsets):
+    for up, across in ((up - beside[0], across - beside[1]) for up, across in offsets):
         force = math.exp(-0.2 * round(100.0 * math.hypot(up, across)) / 100.0 * 5.0)
         bearing = math.atan2(up, across)
         if direction_by == "vector":
