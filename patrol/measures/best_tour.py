@@ -88,6 +88,9 @@ NO_BOUND = "discs of the sensor's range around the robots have a larger area tha
 _known: dict[str, Tour | None] = {}
 """Tours by digest, of this process, the latest ones."""
 
+LONG_STEP = 0.1
+"""Length of a step, as a share of the sensor's range, from which on looks aside cost too many whole steps."""
+
 SHARES = (1.0, 0.7, 0.5)
 """Shares of the range of a sensor that does not look all around, for whose discs tours are searched for."""
 
@@ -260,22 +263,26 @@ class TourFinder:
     def find_round(self, own: OwnGround, spec: RobotSpec) -> Round | None:
         """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour.
 
-        A holonomic robot looks wherever it likes on its way, so it follows the round of a sensor that sees all round,
-        but less far, or it would have to look back at once for what goes out of view.
+        A robot that looks aside as it likes, or turns on the spot in long steps, follows the round of a sensor that
+        sees all round, but less far, or it would have to look back at once for what goes out of view.
         """
         if not own.patrolled.any():
             return None
-        looks_freely = not self.sees_all_round and spec.model == "holonomic"
-        if looks_freely:
+        sees_less = not self.sees_all_round and (spec.model == "holonomic" or self._has_long_steps(spec))
+        if sees_less:
             tour, footprint = self._find(own, own.patrolled, SHARES[-1], looks=False), self._narrow(SHARES[-1])
         else:
             tour, footprint = self.find(own, own.patrolled, {spec.model}), self._footprint
         if tour is None or tour.length_m == 0.0:
             return None
-        more = (SHARES[-1],) if looks_freely else ()
+        more = (SHARES[-1],) if sees_less else ()
         laid = f"Tour(length_m={tour.length_m!r}, way={tour.way!r})", *((tour.looks,) if tour.looks else ())
         file = _tour_file(f"{self._digest(own, own.patrolled, *laid, *more)}.npz")
         return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, footprint, tour, file)
+
+    def _has_long_steps(self, spec: RobotSpec) -> bool:
+        scenario = self._prepared.scenario
+        return spec.model == "differential" and spec.speed * scenario.step > LONG_STEP * scenario.sensor.range
 
     def _narrow(self, share: float) -> Footprint:
         """Return the footprint of a disc of a share of the sensor's range; the sensor's own where it sees all round."""

@@ -170,12 +170,20 @@ def test_a_car_cannot_look_aside() -> None:
     assert TourFinder(ready).why_no_rounds == "its sensor does not look all around, and a car cannot turn on the spot"
 
 
-def test_only_a_body_that_faces_where_it_goes_is_told_where_to_look() -> None:
-    freely, ahead = (
-        present(rounds_of(prepared(model=model, angle=120.0))[1]) for model in ("holonomic", "differential")
+def test_only_a_body_that_faces_where_it_goes_is_told_where_to_look_unless_its_steps_are_long() -> None:
+    def round_of(model: str, speed: float, angle: float = 120.0) -> Round:
+        return present(rounds_of(prepared(model=model, speeds=(speed, speed), angle=angle))[1])
+
+    # Steps last 0.5 s, and the sensor sees 3 m.
+    freely, ahead, in_long_steps = (
+        round_of("holonomic", 0.6),
+        round_of("differential", 0.6),
+        round_of("differential", 0.7),
     )
     assert not freely.headings.size
     assert len(ahead.headings) == len(ahead.places)
+    assert not in_long_steps.headings.size
+    assert in_long_steps.length_m == freely.length_m > round_of("differential", 0.7, 360.0).length_m
 
 
 def test_a_sensor_that_leaves_age_has_no_tour() -> None:
