@@ -70,6 +70,7 @@ SHORTER = {
     "fogwatch benchmark .* plan.yaml": f"{SHORT_TABLE} --policies committed",
     "fogwatch benchmark --quick": f"{SHORT_TABLE} --policies committed,even-tour --terrains open",
     "fogwatch benchmark": f"{SHORT_TABLE} --terrains open --conditions loss-90 --teams 3",
+    "fogwatch reproduce claim [a-z]": PAPER_TABLE,
     "fogwatch reproduce table 4": f"{PAPER_TABLE} --columns 1",
     "fogwatch reproduce table": f"{PAPER_TABLE} --rows f3 --columns g4",
     "fogwatch sweep": "--seeds 1 --cluster HERE",

@@ -94,7 +94,7 @@ def test_a_preset_without_published_numbers_may_be_restricted() -> None:
     assert (matrix.conditions, matrix.duration_s, matrix.seeds) == (("none", "bursts"), 90.0, (1,))
     matrix = Comparison(preset="conditions", policies="cr", terrains="clutter").matrix(preset)
     assert ([policy.name for policy in matrix.policies], matrix.terrains[0].name) == (["cr"], "clutter")
-    assert (matrix.teams, matrix.duration_s, len(matrix.conditions)) == ((4,), 1200.0, 24)
+    assert (matrix.teams, matrix.duration_s, len(matrix.conditions)) == ((4,), 1200.0, 25)
 
 
 @pytest.mark.parametrize(
