@@ -19,6 +19,17 @@ JIFFY_S = 0.01
 
 
 @pytest.fixture(autouse=True)
+def lost(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Note what is raised where it gets lost, such as in a `__del__`.
+
+    A built-in function does so: the next signal could interrupt one in Python, such as pytest's own.
+    """
+    noted: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", noted.append)
+    return noted
+
+
+@pytest.fixture(autouse=True)
 def quiet_timer() -> Iterator[None]:
     """Put back what others, such as pytest's own limit, wait for."""
     handler = signal.getsignal(signal.SIGALRM)
@@ -60,11 +71,7 @@ def test_code_that_catches_every_exception_does_not_go_on() -> None:
     assert not went_on
 
 
-def test_an_interruption_that_gets_lost_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    lost: list[Any] = []
-    # A built-in function, since the next signal could interrupt one in Python, and then nothing would be noted.
-    monkeypatch.setattr(sys, "unraisablehook", lost.append)
-
+def test_an_interruption_that_gets_lost_comes_again(lost: list[Any]) -> None:
     class Deleted:
         def __del__(self) -> None:
             spin()
@@ -72,13 +79,11 @@ def test_an_interruption_that_gets_lost_comes_again(monkeypatch: pytest.MonkeyPa
     with pytest.raises(Late), deadline(SHORT_S):  # noqa: PT012
         Deleted()
         spin()
-    assert [raised.exc_type for raised in lost] == [Late]
+    assert lost
+    assert {raised.exc_type for raised in lost} == {Late}
 
 
-def test_code_that_calls_itself_without_end_is_over_before_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Raised in a callback it is lost, and raised again: also within pytest's own hook for what is lost.
-    monkeypatch.setattr(sys, "unraisablehook", lambda _raised: None)
-
+def test_code_that_calls_itself_without_end_is_over_before_its_time() -> None:
     def call() -> None:
         call()
 
