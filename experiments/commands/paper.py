@@ -48,8 +48,8 @@ def table(
 ) -> int:
     """Run tables of the paper, show our values beside the printed ones, and test the paper's claims on them.
 
-    The folder gets paper.md with all of it, cells.csv, the tables of a sweep, and figures. Runs that have a result
-    there are not repeated.
+    The folder gets paper.md with all of it, cells.csv, claims.csv, the tables of a sweep, and figures. Runs that have a
+    result there are not repeated.
     """
     from experiments.paper.tables import plan_of
 
@@ -97,7 +97,7 @@ def _make(
 ) -> int:
     """Make the runs of a plan, print and write what they show, and return the exit code."""
     check_matplotlib("experiments")  # before hours of runs, not after them
-    from experiments.paper.claims import claims_section
+    from experiments.paper.claims import claims_section, claims_table
     from experiments.paper.tables import cells_of, cells_table, page_parts, table_drawings
     from experiments.sweeps.page import page_head, print_page, write_page
 
@@ -105,12 +105,16 @@ def _make(
     outcome = machines.make_runs(plan, folder, console)
     cases = case_rows(outcome)
     cells = cells_of(cases)
+    claims = claims_table(cells)
     head = page_head(title, outcome, "reproduce", *words)
-    parts = [*head, *page_parts(cells, overrides, plan.seeds), *claims_section(cells)]
+    parts = [*head, *page_parts(cells, overrides, plan.seeds), *claims_section(claims)]
     print_page(console, parts)
     write_tables(outcome, folder)
     write_text(folder / "cells.csv", cells_table(cells).csv())
+    write_text(folder / "claims.csv", claims.csv())
     write_page(folder / "paper.md", parts, table_drawings(cases, cells))
     return finish(
-        console, outcome, f"{folder}: paper.md has all results; also cells.csv, summary.csv, runs.csv, figures"
+        console,
+        outcome,
+        f"{folder}: paper.md has all results; also cells.csv, claims.csv, summary.csv, runs.csv, figures",
     )

@@ -52,23 +52,41 @@ def printed_ratio(claim: Claim) -> float | None:
     return math.exp(math.fsum(below) / len(below) - math.fsum(above) / len(above)) if below and above else None
 
 
-def claims_section(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield the claims whose cells were run, and whether they hold here."""
-    rows = []
-    for name, claim in paper().claims.items():
-        if (ratio := ratio_of(claim, cells)) is not None:
-            text = f"{ratio.mean:.3f}"
-            if ratio.low is not None and ratio.high is not None:
-                text += f" [{ratio.low:.3f}, {ratio.high:.3f}]"
-            printed = printed_ratio(claim)
-            rows.append([name, claim.says, verdict_of(ratio), text, "-" if printed is None else f"{printed:.2f}"])
-    if rows:
-        yield "## The paper's claims"
-        yield (
-            "The ratio divides the side that should be lower by the other side; it is a geometric mean over the cells "
-            "named and the seeds. The claim holds if its 95 % interval lies below 1, and fails if it lies above 1."
-        )
-        yield Table(("claim", "the paper says", "here", "ratio, 95 % interval", "printed"), rows).markdown()
+def claims_table(cells: Sequence[Cell]) -> Table:
+    """Return the table of claims.csv: the claims whose cells were run, and whether they hold here."""
+    return Table.of(
+        {
+            "claim": name,
+            "says": claim.says,
+            "verdict": verdict_of(ratio),
+            "ratio": ratio.mean,
+            "ci95_low": ratio.low,
+            "ci95_high": ratio.high,
+            "printed": printed_ratio(claim),
+        }
+        for name, claim in paper().claims.items()
+        if (ratio := ratio_of(claim, cells)) is not None
+    )
+
+
+def claims_section(table: Table) -> Iterator[str]:
+    """Yield the table of claims for people."""
+    if not table.rows:
+        return
+    yield "## The paper's claims"
+    yield (
+        "The ratio divides the side that should be lower by the other side; it is a geometric mean over the cells "
+        "named and the seeds. The claim holds if its 95 % interval lies below 1, and fails if it lies above 1."
+    )
+    rows = [
+        (name, says, verdict, _ratio_text(*ratio), "-" if printed is None else f"{printed:.2f}")
+        for name, says, verdict, *ratio, printed in table.rows
+    ]
+    yield Table(("claim", "the paper says", "here", "ratio, 95 % interval", "printed"), rows).markdown()
+
+
+def _ratio_text(mean: float, low: float | None, high: float | None) -> str:
+    return f"{mean:.3f}" if low is None or high is None else f"{mean:.3f} [{low:.3f}, {high:.3f}]"
 
 
 def _printed_logs(side: Side) -> list[float | None]:

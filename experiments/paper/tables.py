@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,16 +11,13 @@ from experiments.paper.printed import MFOW, Claim, paper
 from experiments.sweeps.cases import SHOWN, CaseRow
 from experiments.sweeps.figures import drawings
 from experiments.sweeps.plan import CASE, Base, Case, Label, Plan, make_plan
-from experiments.sweeps.stats import Estimate, Fit, fit, with_interval
+from experiments.sweeps.stats import Estimate, with_interval
 from monitor.figures.style import Drawing
 from monitor.tables.table import Table
 from patrol.errors import BadInput, did_you_mean
 
 FAR_OFF = 1.25
 """A value that differs from the paper's by more than this factor, either way, is marked."""
-
-FITTED, FITTED_BELOW_S = (2, 3), 300.0
-"""Tables that are also compared together, also by their cells with a printed value below this alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +125,7 @@ def cells_table(cells: Sequence[Cell]) -> Table:
 
 
 def page_parts(cells: Sequence[Cell], settings: Mapping[str, object], seeds: Sequence[int]) -> Iterator[str]:
-    """Yield what all cells share, how well ours fit the printed values, and the tables; `settings` are on top."""
+    """Yield what all cells share, the levels of the tables, and the tables; `settings` are on top."""
     shared = ", ".join(f"`{field}: {value}`" for field, value in {**paper().settings, **settings}.items())
     yield f"Seeds {', '.join(map(str, seeds))}. In all cells: {shared}."
     far_off = sum(cell.far_off for cell in cells)
@@ -137,7 +135,7 @@ def page_parts(cells: Sequence[Cell], settings: Mapping[str, object], seeds: Seq
         f"ratio of the two, bold where they differ by more than a factor of {FAR_OFF:g}: {far_off} of "
         f"{sum(cell.ratio is not None for cell in cells)}."
     )
-    yield from _fit_section(cells)
+    yield from _levels_section(cells)
     yield from _table_sections(cells)
 
 
@@ -157,36 +155,24 @@ def _table_sections(cells: Sequence[Cell]) -> Iterator[str]:
         yield Table([table.over, *map(str, shown)], rows, range(1, len(shown) + 1)).markdown()
 
 
-def _fit_section(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield how well our mean MFoWs fit the printed ones, table by table, and `FITTED` together."""
-    numbers = list(dict.fromkeys(cell.table for cell in cells))
-    fits = [(f"Table {number}", _fit_of(cells, [number])) for number in numbers]
-    if set(FITTED) <= set(numbers):
-        fits.append((f"Tables 2 and 3, printed below {FITTED_BELOW_S:g} s", _fit_of(cells, FITTED, FITTED_BELOW_S)))
-        fits.append(("Tables 2 and 3, all", _fit_of(cells, FITTED)))
-    rows = [
-        (
-            name,
-            result.cells,
-            f"{result.median_ratio:.3f}",
-            f"{result.rms_log_error:.3f}",
-            "-" if result.correlation is None else f"{result.correlation:.3f}",
-        )
-        for name, result in fits
-        if result is not None
-    ]
-    yield "## Fit"
-    yield Table(("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs"), rows).markdown()
-
-
-def _fit_of(cells: Sequence[Cell], tables: Collection[int], below_s: float | None = None) -> Fit | None:
-    pairs = [
-        (cell.found.mean, cell.printed)
-        for cell in cells
-        if cell.table in tables and cell.metric == MFOW and cell.printed is not None and cell.found is not None
-        if cell.found.mean > 0.0 and (below_s is None or cell.printed < below_s)
-    ]
-    return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
+def _levels_section(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield the level of each table's MFoW, the factor by which all its cells differ, and what is left without it."""
+    logs: dict[int, list[float]] = {}
+    for cell in cells:
+        if cell.metric == MFOW and cell.ratio:
+            logs.setdefault(cell.table, []).append(math.log(cell.ratio))
+    rows = []
+    for number, values in logs.items():
+        level = math.fsum(values) / len(values)
+        spread = math.sqrt(math.fsum((value - level) ** 2 for value in values) / len(values))
+        far_off = [sum(abs(value - off) > math.log(FAR_OFF) for value in values) for off in (0.0, level)]
+        rows.append((number, len(values), far_off[0], f"{math.exp(level):.2f}", far_off[1], f"{spread:.3f}"))
+    yield "## Levels"
+    yield (
+        "The level of a table is the geometric mean of its ratios of MFoW; another terrain may have another. "
+        f"Off are cells beyond a factor of {FAR_OFF:g}; the spread is the standard deviation of the ratios' logarithms."
+    )
+    yield Table(("table", "cells", "off", "level", "off without the level", "spread"), rows).markdown()
 
 
 def table_drawings(cases: Sequence[CaseRow], cells: Sequence[Cell]) -> list[Drawing]:

@@ -1,4 +1,4 @@
-"""Means with confidence intervals, and the fit of our numbers to printed ones."""
+"""Means with confidence intervals."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-
-import numpy as np
 
 from patrol.errors import BadInput
 
@@ -56,28 +54,3 @@ def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
     half = float(stdtrit(free, 0.5 + confidence / 2.0)) * spread
     p = None if spread == 0.0 else 2.0 * float(stdtr(free, -abs(mean) / spread))
     return Estimate(mean, mean - half, mean + half, len(values), p)
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """The fit of our numbers to printed ones."""
-
-    cells: int  # number of pairs
-    median_ratio: float  # of ours / theirs
-    rms_log_error: float  # root mean square of ln(ours / theirs)
-    correlation: float | None  # Pearson's, of the logarithms; None where one side does not vary
-
-
-def fit(ours: Sequence[float], theirs: Sequence[float]) -> Fit:
-    """Compare our numbers with printed ones, all positive and in the same order."""
-    a, b = (np.array([math.log(value) for value in values]) for values in (ours, theirs))
-    if a.size == 0 or a.shape != b.shape:
-        raise ValueError("a fit needs as many printed numbers as ours, and at least one")
-    error = a - b
-    varies = a.size > 1 and float(np.ptp(a)) > 0.0 and float(np.ptp(b)) > 0.0
-    return Fit(
-        cells=int(a.size),
-        median_ratio=math.exp(float(np.median(error))),
-        rms_log_error=math.sqrt(float(np.mean(error**2))),
-        correlation=float(np.corrcoef(a, b)[0, 1]) if varies else None,
-    )

@@ -66,6 +66,9 @@ def test_a_claim_is_tested_by_its_name(run: Command) -> None:
     verdict = said.partition("| open-field | on the open field vector sum is slightly better than mode (f3 g4) | ")[2]
     assert verdict.partition(" |")[0] in ("holds", "fails", "undecided")
     assert " | 0.90 |\n" in verdict
+    (row,) = csv.DictReader(Path("out/claims.csv").read_text().splitlines())
+    assert (row["claim"], row["verdict"]) == ("open-field", verdict.partition(" |")[0])
+    assert float(row["ci95_low"]) <= float(row["ratio"]) <= float(row["ci95_high"])
 
 
 def test_an_unknown_claim_is_refused(run: Command) -> None:

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.paper.claims import FAILS, HOLDS, UNDECIDED, claims_section, printed_ratio, ratio_of, verdict_of
+from experiments.paper.claims import (
+    FAILS,
+    HOLDS,
+    UNDECIDED,
+    claims_section,
+    claims_table,
+    printed_ratio,
+    ratio_of,
+    verdict_of,
+)
 from experiments.paper.printed import MFOW, paper
 from experiments.paper.tables import Cell, cells_of, cells_table, page_parts, plan_of, table_drawings
 from experiments.sweeps.cases import case_rows
@@ -106,7 +115,7 @@ def test_ours_stand_beside_the_papers() -> None:
     assert len(table.rows) == 4
     assert table.rows[0][:5] == [3, "f3", "g4", MFOW, 90.0]
     text = "\n\n".join(page_parts(beside, POINT_1, SEEDS))
-    assert "| Table 3 | 4 | 1.100 |" in text
+    assert "| 3 | 4 | 0 | 1.10 | 0 | 0.000 |" in text
     assert "| f3 (s) | 99.0 ± 228.7 (90) x 1.10 |" in text
     assert "`patrol.options.alpha: 40`" in text
     assert "`point: 1.0`" in text
@@ -172,13 +181,12 @@ def test_a_claim_runs_the_cells_that_it_compares_alone() -> None:
         paper().claim("fuzy")
 
 
-def test_tables_2_and_3_are_fitted_together() -> None:
-    wanted = printed([2, 3])
-    beside = cells([2, 3], lambda case, _: wanted[case] * 1.05)
-    text = "\n".join(page_parts(beside, {}, SEEDS))
-    assert "| Tables 2 and 3, printed below 300 s | 41 | 1.050 |" in text
-    assert "| Tables 2 and 3, all | 50 | 1.050 |" in text
-    assert "Tables 2 and 3" not in "\n".join(page_parts(beside[:25], {}, SEEDS))
+def test_what_a_table_has_as_a_whole_is_its_level() -> None:
+    wanted = printed([4])
+    beside = cells([4], lambda case, _: wanted[case] * (0.8 if case.endswith("5") else 0.5))
+    level = 0.5 * 1.6**0.2
+    spread = math.log(1.6) * math.sqrt(0.2 * 0.8)
+    assert f"| 4 | 20 | 16 | {level:.2f} | 4 | {spread:.3f} |" in "\n".join(page_parts(beside, {}, SEEDS))
 
 
 @pytest.mark.parametrize(("ratio", "verdict"), [(0.8, HOLDS), (1.25, FAILS), (1.0, UNDECIDED)])
@@ -192,7 +200,7 @@ def test_claims_are_judged_cell_by_cell_and_seed_by_seed(ratio: float, verdict: 
     assert verdict_of(found) == verdict
     assert found.count == 10
     assert found.mean == pytest.approx(ratio, rel=0.001)
-    text = "\n".join(claims_section(beside))
+    text = "\n".join(claims_section(claims_table(beside)))
     assert f"| obstacles | with more obstacles mode is better than vector sum | {verdict} | " in text
 
 
@@ -204,4 +212,4 @@ def test_a_claim_on_columns_is_judged_seed_by_seed() -> None:
     others = math.exp(math.fsum(math.log(depth[name]) for name in "012367") / 6.0)
     assert found.mean == pytest.approx(170.0 / others)
     assert verdict_of(found) == HOLDS
-    assert not list(claims_section([cell for cell in cells([2], lambda *_: 1.0) if cell.table == 2]))
+    assert not list(claims_section(claims_table(cells([2], lambda *_: 1.0))))

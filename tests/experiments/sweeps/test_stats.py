@@ -1,6 +1,4 @@
-"""Means, intervals and fits, against scipy and by hand."""
-
-import math
+"""Means and intervals, against scipy and by hand."""
 
 import numpy as np
 import pytest
@@ -8,7 +6,7 @@ import scipy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.sweeps.stats import estimate, fit
+from experiments.sweeps.stats import estimate
 from tests.present import present
 
 NUMBERS = st.lists(st.floats(min_value=-1e6, max_value=1e6), min_size=2, max_size=30)
@@ -44,19 +42,3 @@ def test_one_value_has_no_interval_and_none_no_mean() -> None:
     assert [alone.low, alone.high, alone.half, alone.p] == [None] * 4
     with pytest.raises(ValueError, match="at least one value"):
         estimate([])
-
-
-def test_a_fit_by_hand() -> None:
-    found = fit([100.0, 200.0, 800.0], [100.0, 100.0, 400.0])
-    assert found.cells == 3
-    assert found.median_ratio == pytest.approx(2.0)
-    assert found.rms_log_error == pytest.approx(math.log(2.0) * math.sqrt(2.0 / 3.0))
-    ours, theirs = ([math.log(value) for value in values] for values in ([100, 200, 800], [100, 100, 400]))
-    assert found.correlation == pytest.approx(scipy.stats.pearsonr(ours, theirs).statistic)
-
-
-def test_a_fit_to_numbers_that_do_not_vary_has_no_correlation() -> None:
-    assert fit([1.0, 2.0], [3.0, 3.0]).correlation is None
-    assert fit([1.0], [3.0]).correlation is None
-    with pytest.raises(ValueError, match="as many"):
-        fit([1.0], [1.0, 2.0])
