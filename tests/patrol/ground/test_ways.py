@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid
-from patrol.ground.ways import framed, lengths_along
+from patrol.ground.ways import framed
 from patrol.kernels.ways import FAR, is_clear, lengths_between, way_between
+from tests.patrol.ground.lengths import lengths_along
 
 Place = tuple[int, int]
 

@@ -7,10 +7,10 @@ import pytest
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
-from patrol.ground.ways import lengths_along
 from patrol.pose import Pose
 from patrol.tours.round import ARRAYS, SLACK, STRETCH, Round, Tour, lay_out
 from patrol.tours.search import find_tour
+from tests.patrol.ground.lengths import lengths_along
 from tests.patrol.ground.masks import on_terrain
 from tests.patrol.tours.test_search import building
 
