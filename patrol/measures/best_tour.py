@@ -177,14 +177,14 @@ def rounds_of(prepared: Prepared) -> dict[int, Round | None]:
 
     None in a fleet that follows none (`TourFinder.why_no_rounds`), where the ground is too large for a tour, and where
     all of it is seen from one place. Robots of one radius in one part of the terrain share one; where the sensor does
-    not look all around, those of one model.
+    not look all around, those of one model that see as much on it (`TourFinder.sees_less`).
     """
     finder = TourFinder(prepared)
     if finder.why_no_rounds:
         return dict.fromkeys(prepared.scenario.numbers)
     specs = {spec.number: spec for spec in prepared.scenario.roster}
     kinds = {
-        number: (id(own), "" if finder.sees_all_round else specs[number].model)
+        number: (id(own), finder.sees_all_round or specs[number].model, finder.sees_less(specs[number]))
         for number, own in finder.grounds.items()
     }
     first = {kind: number for number, kind in reversed(kinds.items())}
@@ -261,14 +261,10 @@ class TourFinder:
         return latest(_known, digest, find, MOST_KNOWN)
 
     def find_round(self, own: OwnGround, spec: RobotSpec) -> Round | None:
-        """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour.
-
-        A robot that looks aside as it likes, or turns on the spot in long steps, follows the round of a sensor that
-        sees all round, but less far, or it would have to look back at once for what goes out of view.
-        """
+        """Find the round over all of a robot's own ground; None where all is seen from one place, or without a tour."""
         if not own.patrolled.any():
             return None
-        sees_less = not self.sees_all_round and (spec.model == "holonomic" or self._has_long_steps(spec))
+        sees_less = self.sees_less(spec)
         if sees_less:
             tour, footprint = self._find(own, own.patrolled, SHARES[-1], looks=False), self._narrow(SHARES[-1])
         else:
@@ -280,9 +276,15 @@ class TourFinder:
         file = _tour_file(f"{self._digest(own, own.patrolled, *laid, *more)}.npz")
         return lay_out(self.terrain, own.reach, own.patrolled, own.proxy, footprint, tour, file)
 
-    def _has_long_steps(self, spec: RobotSpec) -> bool:
+    def sees_less(self, spec: RobotSpec) -> bool:
+        """Return True if a robot follows the round of a sensor that sees all round, but less far.
+
+        One that looks aside as it likes, or turns on the spot in long steps, would otherwise have to look back at once
+        for what goes out of view.
+        """
         scenario = self._prepared.scenario
-        return spec.model == "differential" and spec.speed * scenario.step > LONG_STEP * scenario.sensor.range
+        has_long_steps = spec.model == "differential" and spec.speed * scenario.step > LONG_STEP * scenario.sensor.range
+        return not self.sees_all_round and (spec.model == "holonomic" or has_long_steps)
 
     def _narrow(self, share: float) -> Footprint:
         """Return the footprint of a disc of a share of the sensor's range; the sensor's own where it sees all round."""

@@ -186,6 +186,18 @@ def test_only_a_body_that_faces_where_it_goes_is_told_where_to_look_unless_its_s
     assert in_long_steps.length_m == freely.length_m > round_of("differential", 0.7, 360.0).length_m
 
 
+@pytest.mark.parametrize("speeds", [(0.6, 0.7), (0.7, 0.6)])
+def test_the_round_of_a_robot_does_not_depend_on_the_speed_of_another(speeds: tuple[float, float]) -> None:
+    rounds = rounds_of(prepared(model="differential", speeds=speeds, angle=120.0))
+    alone = {
+        number: rounds_of(prepared(model="differential", speeds=(speed, speed), angle=120.0))[number]
+        for number, speed in enumerate(speeds, 1)
+    }
+    for number, own in rounds.items():
+        assert_same_round(own, alone[number])
+    assert rounds[1] is not rounds[2]
+
+
 def test_a_sensor_that_leaves_age_has_no_tour() -> None:
     tour = best_tour(prepared(quality=0.5))
     assert tour == BestTour(())
